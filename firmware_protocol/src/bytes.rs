@@ -14,7 +14,6 @@ pub struct Payload {
 
 impl Payload {
     /// Returns the bytes.
-    #[must_use]
     pub fn as_slice(&self) -> &[u8] {
         self.bytes.get(..self.len).unwrap_or(&[])
     }

@@ -17,20 +17,17 @@ const TABLE: [u16; 256] = table();
 pub struct Crc16(u16);
 
 /// Returns the CRC of one run of bytes.
-#[must_use]
 pub fn crc16(bytes: &[u8]) -> u16 {
     Crc16::new().over(bytes).value()
 }
 
 impl Crc16 {
     /// Returns the state before the first byte.
-    #[must_use]
     pub const fn new() -> Self {
         Self(START)
     }
 
     /// Returns the state after a run with this CRC.
-    #[must_use]
     pub const fn from_value(value: u16) -> Self {
         Self(value)
     }
@@ -46,7 +43,6 @@ impl Crc16 {
     }
 
     /// Returns the CRC.
-    #[must_use]
     pub const fn value(self) -> u16 {
         self.0
     }

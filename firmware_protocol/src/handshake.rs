@@ -87,7 +87,6 @@ impl<F: FnOnce(Trigger) -> Result<Triggered, Refusal>> Takes for ByFiring<F> {
 
 impl Handshake {
     /// Returns the state before the first HELLO; [`crate::DBC_CRC32`] is this crate's own file.
-    #[must_use]
     pub const fn new(dbc_crc32: u32, rates: Rates) -> Self {
         Self { dbc_crc32, rates, capabilities: 0, agreed: false, peer_minor: 0, running: false, last: None }
     }
@@ -100,7 +99,6 @@ impl Handshake {
     }
 
     /// Returns true between an accepted RUN and the next STOP or refused HELLO.
-    #[must_use]
     pub const fn is_running(&self) -> bool {
         self.running
     }

@@ -14,7 +14,6 @@ macro_rules! rejects {
             pub const ALL: [Self; REASONS] = [$(Self::$name,)+];
 
             /// Returns its name in reports.
-            #[must_use]
             pub const fn name(self) -> &'static str {
                 match self { $(Self::$name => stringify!($name),)+ }
             }
@@ -59,13 +58,11 @@ rejects! {
 
 impl Reject {
     /// Returns the reason of a STATUS code.
-    #[must_use]
     pub fn from_code(code: u8) -> Option<Self> {
         Self::ALL.get(usize::from(code)).copied()
     }
 
     /// Returns the code in STATUS.
-    #[must_use]
     pub const fn code(self) -> u8 {
         self as u8
     }
@@ -94,13 +91,11 @@ impl RejectCounters {
     }
 
     /// Occurrences of one reason.
-    #[must_use]
     pub fn get(&self, reason: Reject) -> u32 {
         self.counts.get(usize::from(reason.code())).copied().unwrap_or(0)
     }
 
     /// Occurrences of all reasons.
-    #[must_use]
     pub fn total(&self) -> u32 {
         self.counts.iter().fold(0, |sum, count| sum.saturating_add(*count))
     }

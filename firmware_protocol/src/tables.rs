@@ -123,7 +123,6 @@ pub fn cells<R: Row>(rows: &[R]) -> impl Iterator<Item = TableCell> + '_ {
 }
 
 /// Returns the CRC-16 that APPLY carries: over all values, row by row, each as f32, little-endian.
-#[must_use]
 pub fn crc<R: Row>(rows: &[R]) -> u16 {
     rows.iter().fold(Crc16::new(), |crc, row| over_values(crc, row.cells().as_ref())).value()
 }
@@ -204,7 +203,6 @@ impl Default for TableStore {
 
 impl TableStore {
     /// Returns the empty tables.
-    #[must_use]
     pub const fn new() -> Self {
         Self { lines: Sheet::EMPTY, psd: Sheet::EMPTY, harmonics: Sheet::EMPTY, psd_seed: 0 }
     }
@@ -255,7 +253,6 @@ impl TableStore {
     }
 
     /// Returns the seed of the noise of [`Self::psd`].
-    #[must_use]
     pub const fn psd_seed(&self) -> u16 {
         self.psd_seed
     }

@@ -4,7 +4,6 @@
 pub const WRAP_US: i64 = 1 << 32;
 
 /// Returns the time tag of an unwrapped count of microseconds.
-#[must_use]
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the low 32 bits are the tag")]
 pub const fn wrapped(us: i64) -> u32 {
     us as u32
@@ -13,13 +12,11 @@ pub const fn wrapped(us: i64) -> u32 {
 /// Returns `a - b` in microseconds, from -2^31 to 2^31 - 1: below zero when `a` is the earlier of the two.
 ///
 /// Of the differences that the wrap allows it is the smallest one: the tags must be less than 35.8 minutes apart.
-#[must_use]
 pub const fn ticks_diff(a: u32, b: u32) -> i32 {
     a.wrapping_sub(b).cast_signed()
 }
 
 /// Returns how far `a` lies after `b`, in microseconds, from 0 to 2^32 - 1: for tags that are known to lie ahead.
-#[must_use]
 pub const fn ticks_ahead(a: u32, b: u32) -> u32 {
     a.wrapping_sub(b)
 }

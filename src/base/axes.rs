@@ -64,7 +64,6 @@ impl<To, From> Rotation<To, From> {
 
     /// Makes a rotation of scalar-first components; normalised here. `None` when not finite or the norm is further than
     /// `norm_tolerance` from 1.
-    #[must_use]
     pub fn from_wxyz(wxyz: [f64; 4], norm_tolerance: f64) -> Option<Self> {
         let [w, x, y, z] = wxyz;
         let q = DQuat::from_xyzw(x, y, z, w);
@@ -74,7 +73,6 @@ impl<To, From> Rotation<To, From> {
 
     /// Makes a rotation of a unit quaternion whose bits are kept; `None` when its norm differs from 1 by more than
     /// `norm_tolerance`.
-    #[must_use]
     pub fn from_unit_wxyz(wxyz: [f64; 4], norm_tolerance: f64) -> Option<Self> {
         let [w, x, y, z] = wxyz;
         let q = DQuat::from_xyzw(x, y, z, w);
@@ -82,58 +80,49 @@ impl<To, From> Rotation<To, From> {
     }
 
     /// Makes a rotation of a quaternion of any non-zero norm.
-    #[must_use]
     pub fn from_quat(q: DQuat) -> Self {
         Self { q: q.normalize(), axes: PhantomData }
     }
 
     /// Makes a rotation of the three `To` axes written in `From` (the rows of the direction-cosine matrix).
-    #[must_use]
     pub fn from_axes(x: DVec3, y: DVec3, z: DVec3) -> Self {
         Self::from_quat(DQuat::from_mat3(&DMat3::from_cols(x, y, z).transpose()))
     }
 
     /// Returns the rotation of axes `To` away from `From` by a rotation vector (rad) written in either: `exp(-v/2)`.
-    #[must_use]
     pub fn from_rotation_vector(v_rad: DVec3) -> Self {
         Self { q: DQuat::from_scaled_axis(-v_rad), axes: PhantomData }
     }
 
     /// Returns the scalar-first components with `w >= 0`.
-    #[must_use]
     pub fn wxyz(&self) -> [f64; 4] {
         let s = if self.q.w < 0.0 { -1.0 } else { 1.0 };
         [s * self.q.w, s * self.q.x, s * self.q.y, s * self.q.z]
     }
 
     /// Returns the same quaternion as `glam` stores it.
-    #[must_use]
     pub fn quat(&self) -> DQuat {
         self.q
     }
 
     /// Returns the direction-cosine matrix `C` with `v_to = C v_from`.
-    #[must_use]
     pub fn matrix(&self) -> DMat3 {
         DMat3::from_quat(self.q)
     }
 
     /// Returns the opposite rotation.
-    #[must_use]
     pub fn inverse(&self) -> Rotation<From, To> {
         Rotation { q: self.q.conjugate(), axes: PhantomData }
     }
 
     /// Rewrites a vector given in `From` axes into `To` axes.
     #[inline]
-    #[must_use]
     pub fn apply(&self, v_from: DVec3) -> DVec3 {
         self.q * v_from
     }
 
     /// Returns the rotation vector (rad, in `To` axes) that takes `self` to `later`: the inverse of
     /// [`Self::rotated_by`]. Signs are aligned first: `q` and `-q` are one attitude.
-    #[must_use]
     pub fn rotation_vector_to(&self, later: &Self) -> DVec3 {
         let mut d = later.q * self.q.conjugate();
         if d.w < 0.0 {
@@ -147,7 +136,6 @@ impl<To, From> Rotation<To, From> {
 
     /// Returns the attitude after the `To` axes have turned by the rotation vector (rad, in `To` axes): `exp(-v/2) *
     /// q`.
-    #[must_use]
     pub fn rotated_by(&self, v_rad: DVec3) -> Self {
         Self::from_quat(DQuat::from_scaled_axis(-v_rad) * self.q)
     }
@@ -162,7 +150,6 @@ impl<To, Mid, From> Mul<Rotation<Mid, From>> for Rotation<To, Mid> {
 
 /// Returns the attitude of a sensor whose boresight points at (`ra_rad`, `dec_rad`); `roll_rad` is the position angle,
 /// east of north, of the image's up direction (towards row 0). With roll 0 north is up and east is left.
-#[must_use]
 pub fn sensor_from_ra_dec_roll(ra_rad: f64, dec_rad: f64, roll_rad: f64) -> Rotation<Sensor, Icrf> {
     let (sin_ra, cos_ra) = ra_rad.sin_cos();
     let (sin_dec, cos_dec) = dec_rad.sin_cos();
@@ -175,7 +162,6 @@ pub fn sensor_from_ra_dec_roll(ra_rad: f64, dec_rad: f64, roll_rad: f64) -> Rota
 
 /// Returns the attitude that belongs to three numbers from 0 to 1; where these are uniform, all attitudes are equally
 /// likely (K. Shoemake, "Uniform random rotations", Graphics Gems III, 1992). The bits are the same on every machine.
-#[must_use]
 pub fn attitude_of_uniforms<To, From>([u, v, w]: [f64; 3]) -> Rotation<To, From> {
     let (near, far) = ((1.0 - u).sqrt(), u.sqrt());
     let ((sin_v, cos_v), (sin_w, cos_w)) = (libm::sincos(TAU * v), libm::sincos(TAU * w));
@@ -184,7 +170,6 @@ pub fn attitude_of_uniforms<To, From>([u, v, w]: [f64; 3]) -> Rotation<To, From>
 
 /// Returns the right ascension in `0..2 pi`, declination and roll (rad) of an attitude: the inverse of
 /// [`sensor_from_ra_dec_roll`]. At a pole the right ascension is the one `atan2` gives and roll follows it.
-#[must_use]
 pub fn ra_dec_roll(sensor_from_icrf: &Rotation<Sensor, Icrf>) -> [f64; 3] {
     let icrf_from_sensor = sensor_from_icrf.inverse();
     let boresight = icrf_from_sensor.apply(DVec3::Z);

@@ -33,7 +33,6 @@ impl BayerPattern {
         [("RGGB", Self::Rggb), ("GRBG", Self::Grbg), ("GBRG", Self::Gbrg), ("BGGR", Self::Bggr)];
 
     /// Returns its name in files.
-    #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Rggb => "RGGB",
@@ -44,7 +43,6 @@ impl BayerPattern {
     }
 
     /// Returns the colour of a pixel.
-    #[must_use]
     pub const fn colour_at(self, column: usize, row: usize) -> Colour {
         let [red_column, red_row] = self.red_at();
         match ((column & 1 == 1) == red_column, (row & 1 == 1) == red_row) {

@@ -25,14 +25,12 @@ pub struct Monotonic {
 
 impl Monotonic {
     /// Returns a clock that reads `at` now: a bench that plays another time of the sky.
-    #[must_use]
     #[allow(clippy::disallowed_methods, reason = "the one place that reads the machine's clocks")]
     pub fn start_at(at: Tai) -> Self {
         Self { origin: Instant::now(), tai_ns_at_origin: AtomicI64::new(at.ns()) }
     }
 
     /// Starts from the system's idea of UTC (assumes it is right; TAI follows by the leap-second table).
-    #[must_use]
     #[allow(clippy::disallowed_methods, reason = "the one place that reads the machine's clocks")]
     pub fn start() -> Self {
         let unix = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
@@ -74,7 +72,6 @@ pub struct Virtual {
 
 impl Virtual {
     /// Returns a virtual clock that shows `start`.
-    #[must_use]
     pub fn new(start: Tai) -> Self {
         Self { now_ns: AtomicI64::new(start.ns()) }
     }
@@ -117,7 +114,6 @@ impl PairedReading {
 
     /// Reads both clocks. When the reader was interrupted in between it tries again, and keeps the closest pair of at
     /// most four.
-    #[must_use]
     pub fn take(clock: &dyn Clock) -> Self {
         let mut best = Self::once(clock);
         for _ in 1..Self::MOST_TRIES {
@@ -148,7 +144,6 @@ pub struct Stopwatch {
 
 impl Stopwatch {
     /// Starts measuring.
-    #[must_use]
     #[allow(clippy::disallowed_methods, reason = "the one place that reads the machine's clocks")]
     pub fn start() -> Self {
         Self { from: Instant::now() }

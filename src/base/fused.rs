@@ -6,7 +6,6 @@ const INTEGER_MAGIC: f32 = 12_582_912.0; // 1.5 * 2^23
 /// Returns the low bits of a whole number below 2^22 in magnitude, in two's complement (take as many as 22 of them).
 /// An `as` cast saturates, and so does not vectorise.
 #[inline(always)]
-#[must_use]
 pub fn whole_bits(whole: f32) -> u32 {
     (whole + INTEGER_MAGIC).to_bits()
 }
@@ -14,7 +13,6 @@ pub fn whole_bits(whole: f32) -> u32 {
 /// Returns `a * b + c`, rounded once when `FUSED`, else twice. Vector code picks `FUSED` from the processor at run
 /// time; emulated fusing would be fifty times slower.
 #[inline(always)]
-#[must_use]
 pub fn mul_add<const FUSED: bool>(a: f32, b: f32, c: f32) -> f32 {
     if FUSED { a.mul_add(b, c) } else { a * b + c }
 }

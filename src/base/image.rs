@@ -15,7 +15,6 @@ pub type DnImage = Image<u16>;
 
 impl<T: Copy + Default> Image<T> {
     /// Returns an image of default (zero) pixels.
-    #[must_use]
     pub fn new(width: usize, height: usize) -> Self {
         Self { width, height, data: vec![T::default(); width * height] }
     }
@@ -23,19 +22,16 @@ impl<T: Copy + Default> Image<T> {
 
 impl<T> Image<T> {
     /// Columns.
-    #[must_use]
     pub fn width(&self) -> usize {
         self.width
     }
 
     /// Returns the number of rows.
-    #[must_use]
     pub fn height(&self) -> usize {
         self.height
     }
 
     /// Returns all pixels, row by row from the top.
-    #[must_use]
     pub fn pixels(&self) -> &[T] {
         &self.data
     }
@@ -53,7 +49,6 @@ impl<T> Image<T> {
 
 impl<T: Copy> Image<T> {
     /// Returns the pixel in column `x`, row `y`, or `None` outside the image.
-    #[must_use]
     pub fn get(&self, x: usize, y: usize) -> Option<T> {
         if x < self.width { self.data.get(y * self.width + x).copied() } else { None }
     }

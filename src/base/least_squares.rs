@@ -20,7 +20,6 @@ pub struct Basis {
 impl Basis {
     /// Returns the basis of columns of equal length; `None` when one depends on the others, or there are more columns
     /// than rows.
-    #[must_use]
     pub fn of(columns: Vec<Vec<f64>>) -> Option<Self> {
         let mut basis = Self { q: Vec::new(), r: Vec::new(), lengths: Vec::new() };
         for mut column in columns {
@@ -54,7 +53,6 @@ impl Basis {
     }
 
     /// Returns coefficients of the columns whose sum is nearest to `values`.
-    #[must_use]
     pub fn solve(&self, values: &[f64]) -> Vec<f64> {
         let count = self.q.len();
         let mut rest = values.to_vec();
@@ -74,7 +72,6 @@ impl Basis {
 
     /// Returns how far a row decides its own fitted value, 0 to 1: a residual over one less this is what it would be
     /// without the row.
-    #[must_use]
     pub fn leverage(&self, row: usize) -> f64 {
         self.q.iter().map(|q| q[row] * q[row]).sum()
     }
@@ -95,7 +92,6 @@ pub fn median(values: &mut [f64]) -> f64 {
 }
 
 /// Returns the root of the mean square; 0 of nothing.
-#[must_use]
 pub fn rms(values: impl Iterator<Item = f64> + Clone) -> f64 {
     let count = values.clone().count().max(1) as f64;
     (values.map(|v| v * v).sum::<f64>() / count).sqrt()

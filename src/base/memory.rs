@@ -44,7 +44,6 @@ pub struct Available {
 }
 
 /// Returns how much memory of any kind may still be taken; `None` where the system does not say.
-#[must_use]
 pub fn available() -> Option<Available> {
     least([
         number_of("/proc/meminfo", "MemAvailable:").map(|bytes| Available { bytes, limit: MemoryLimit::Machine }),
@@ -53,7 +52,6 @@ pub fn available() -> Option<Available> {
 }
 
 /// Returns how much the process's private memory may still grow; `None` where it has no limit.
-#[must_use]
 pub fn available_in_process() -> Option<Available> {
     let left = |limit: Option<u64>, key: &str| Some(limit?.saturating_sub(number_of("/proc/self/status", key)?));
     let [space, data] = own_limits();

@@ -24,13 +24,11 @@ pub fn be_short() {
 }
 
 /// Returns the patience at the end of a run, [`END_PATIENCE`].
-#[must_use]
 pub fn end() -> Span {
     if IS_SHORT.load(Ordering::Relaxed) { SHORT_PATIENCE[0] } else { END_PATIENCE }
 }
 
 /// Returns the patience in the middle of a run, [`STALL_PATIENCE`].
-#[must_use]
 pub fn stall() -> Span {
     if IS_SHORT.load(Ordering::Relaxed) { SHORT_PATIENCE[1] } else { STALL_PATIENCE }
 }
@@ -50,7 +48,6 @@ pub struct Patience {
 
 impl Patience {
     /// Starts to wait.
-    #[must_use]
     pub fn new(limit: Span) -> Self {
         Self { limit, watch: Stopwatch::start(), quiet: Span::ZERO }
     }

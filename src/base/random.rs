@@ -54,7 +54,6 @@ const LOW_HALF: u64 = 0xffff_ffff;
 
 /// Returns one Philox-4x32-10 block.
 #[inline(always)]
-#[must_use]
 pub fn philox(counter: [u32; 4], key: [u32; 2]) -> [u32; 4] {
     philox_wide(counter, key).map(low)
 }
@@ -64,7 +63,6 @@ pub fn philox(counter: [u32; 4], key: [u32; 2]) -> [u32; 4] {
 /// The state stays in 64 bits, whose high halves no product reads: a vector of them needs one multiplication, one shift
 /// and one xor of three per word and round, and nothing that moves words between lanes.
 #[inline(always)]
-#[must_use]
 pub fn philox_wide(counter: [u32; 4], key: [u32; 2]) -> [u64; 4] {
     let [mut c0, mut c1, mut c2, mut c3] = counter.map(u64::from);
     let [mut k0, mut k1] = key;
@@ -91,21 +89,18 @@ fn high(product: u64) -> u32 {
 }
 
 /// Returns the key of a seed.
-#[must_use]
 pub fn key(seed: u64) -> [u32; 2] {
     [low(seed), high(seed)]
 }
 
 /// Returns the counter of block `block` of `frame` for `stage`.
 #[inline(always)]
-#[must_use]
 pub fn counter(frame: u32, block: u32, stage: Stage) -> [u32; 4] {
     [block, frame, stage as u32, 0]
 }
 
 /// Returns the counter of attempt `attempt` of `block`, where one draw may need several blocks of words.
 #[inline(always)]
-#[must_use]
 pub fn attempt_counter(frame: u32, block: u32, stage: Stage, attempt: u32) -> [u32; 4] {
     [block, frame, stage as u32, attempt]
 }

@@ -22,7 +22,6 @@ pub struct Region {
 
 impl Region {
     /// Returns true when it has a pixel and lies within an image of so many columns and rows.
-    #[must_use]
     pub fn is_within(&self, size_px: [usize; 2]) -> bool {
         let ends =
             |first: u32, count: u32, size: usize| count > 0 && u64::from(first) + u64::from(count) <= size as u64;
@@ -30,7 +29,6 @@ impl Region {
     }
 
     /// Returns its pixels.
-    #[must_use]
     pub fn pixels(&self) -> usize {
         self.width_px as usize * self.height_px as usize
     }
@@ -57,7 +55,6 @@ impl Regions {
         Self { list: [Region { left_px: 0, top_px: 0, width_px: 0, height_px: 0 }; REGIONS_MAX], count: 0 };
 
     /// Returns these regions; `None` when there are more than [`REGIONS_MAX`].
-    #[must_use]
     pub fn of(regions: &[Region]) -> Option<Self> {
         let mut made = Self::WHOLE;
         made.list.get_mut(..regions.len())?.copy_from_slice(regions);
@@ -66,20 +63,17 @@ impl Regions {
     }
 
     /// Returns the regions; none for the whole image.
-    #[must_use]
     pub fn as_slice(&self) -> &[Region] {
         &self.list[..self.count]
     }
 
     /// Returns true when the whole image is read out.
-    #[must_use]
     pub fn is_whole(&self) -> bool {
         self.count == 0
     }
 
     /// Returns the same regions in pixels that are so many times smaller, of an image that begins at `first_px` of the
     /// other one's pixels.
-    #[must_use]
     pub fn enlarged(&self, factor: u32, first_px: [u32; 2]) -> Self {
         let mut made = *self;
         for region in &mut made.list[..self.count] {
@@ -95,7 +89,6 @@ impl Regions {
 
     /// Returns the pixels of a row that are read out, from left to right, as runs that do not meet; `width` is that of
     /// the image.
-    #[must_use]
     pub fn runs(&self, row: usize, width: usize) -> Runs {
         let mut runs = Runs { list: [[0; 2]; REGIONS_MAX], next: 0, count: 0 };
         if self.is_whole() {
@@ -113,7 +106,6 @@ impl Regions {
 
     /// Returns true when a rectangle of `size_px` columns and rows from column `left` and row `top` has a pixel that is
     /// read out.
-    #[must_use]
     pub fn show(&self, left: i64, top: i64, size_px: [i64; 2]) -> bool {
         let meets = |first: i64, count: i64, of: Range<usize>| first < of.end as i64 && first + count > of.start as i64;
         let meets_region =
@@ -122,7 +114,6 @@ impl Regions {
     }
 
     /// Returns true when a pixel of these rows is read out.
-    #[must_use]
     pub fn show_rows(&self, rows: &Range<usize>) -> bool {
         let meets = |of: Range<usize>| rows.start < of.end && of.start < rows.end;
         self.is_whole() || self.as_slice().iter().any(|region| meets(region.rows()))
@@ -144,13 +135,11 @@ impl Regions {
     }
 
     /// Returns the pixels that are read out, of an image of so many columns and rows.
-    #[must_use]
     pub fn pixels(&self, size_px: [usize; 2]) -> usize {
         self.sum_over_runs(size_px, |run, _| run.len())
     }
 
     /// Returns the rows with a pixel that is read out, of an image of so many columns and rows.
-    #[must_use]
     pub fn rows(&self, [width, height]: [usize; 2]) -> usize {
         let of_first = |run: Range<usize>, row: usize| {
             usize::from(self.runs(row, width).next().is_some_and(|first| first.start == run.start))

@@ -19,7 +19,6 @@ pub struct ProperMotion {
 
 impl ProperMotion {
     /// Returns the total motion across the sky, mas per Julian year.
-    #[must_use]
     pub fn speed_mas_yr(&self) -> f32 {
         self.pm_ra_cosdec_mas_yr.hypot(self.pm_dec_mas_yr)
     }
@@ -45,14 +44,12 @@ pub struct CatalogSource {
 }
 
 /// Returns the right ascension in 0..2 pi and declination (rad) of a direction of any length.
-#[must_use]
 pub fn ra_dec_rad(direction: DVec3) -> [f64; 2] {
     let ra = direction.y.atan2(direction.x).rem_euclid(core::f64::consts::TAU);
     [ra, direction.z.atan2(direction.x.hypot(direction.y))]
 }
 
 /// Returns the unit vector towards a right ascension and declination (rad).
-#[must_use]
 pub fn direction_from_ra_dec(ra_rad: f64, dec_rad: f64) -> DVec3 {
     let ((sin_ra, cos_ra), (sin_dec, cos_dec)) = (ra_rad.sin_cos(), dec_rad.sin_cos());
     DVec3::new(cos_dec * cos_ra, cos_dec * sin_ra, sin_dec)

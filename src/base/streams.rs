@@ -93,14 +93,12 @@ pub fn note_failure(is_error_stream: bool, error: io::Error) {
 }
 
 /// Returns true when standard output could not be written.
-#[must_use]
 pub fn output_has_failed() -> bool {
     Stream::Output.failure().get().is_some()
 }
 
 /// Returns the exit status of a command that ended with `status`: the same when both streams could be written to their
 /// end. Otherwise 0 becomes an error, and the other stream gets a message, unless the reader has gone.
-#[must_use]
 pub fn status_of_streams(status: u8) -> u8 {
     if !output_has_failed()
         && let Err(error) = io::stdout().flush()

@@ -51,38 +51,32 @@ impl Span {
     pub const ZERO: Self = Self { ns: 0 };
 
     /// Makes a span of nanoseconds.
-    #[must_use]
     pub const fn from_ns(ns: i64) -> Self {
         Self { ns }
     }
 
     /// Makes a span of milliseconds.
-    #[must_use]
     pub const fn from_ms(ms: i64) -> Self {
         Self { ns: ms * 1_000_000 }
     }
 
     /// Makes a span of seconds, rounded to the nanosecond (saturating at the ends of i64).
-    #[must_use]
     pub fn from_s(s: f64) -> Self {
         #[allow(clippy::cast_possible_truncation, reason = "float-to-int casts saturate; the range is 292 years")]
         Self { ns: (s * NS_PER_S as f64).round() as i64 }
     }
 
     /// Nanoseconds.
-    #[must_use]
     pub const fn ns(self) -> i64 {
         self.ns
     }
 
     /// Seconds.
-    #[must_use]
     pub fn s(self) -> f64 {
         self.ns as f64 / NS_PER_S as f64
     }
 
     /// Milliseconds.
-    #[must_use]
     pub fn ms(self) -> f64 {
         self.ns as f64 / 1e6
     }
@@ -90,13 +84,11 @@ impl Span {
 
 impl Tai {
     /// Makes an instant of nanoseconds of TAI since 1970-01-01T00:00:00 TAI.
-    #[must_use]
     pub const fn from_ns(ns: i64) -> Self {
         Self { ns }
     }
 
     /// Returns nanoseconds of TAI since 1970-01-01T00:00:00 TAI.
-    #[must_use]
     pub const fn ns(self) -> i64 {
         self.ns
     }
@@ -124,7 +116,6 @@ impl Tai {
     }
 
     /// Returns the UTC text, RFC 3339 with microseconds.
-    #[must_use]
     pub fn to_rfc3339(self) -> String {
         let is_60 = leap::is_leap_second(self.ns);
         // Civil text of a count without leap seconds: the scale TAI has none.
@@ -137,37 +128,31 @@ impl Tai {
 
     /// Returns nanoseconds UTC since 1970-01-01T00:00:00 UTC, as Unix time counts them: exact; a leap second and the
     /// second after it have the same counts.
-    #[must_use]
     pub fn to_unix_ns(self) -> i64 {
         self.utc_count_ns()
     }
 
     /// Returns the instant of a Unix time; the later of two where a leap second made it count twice.
-    #[must_use]
     pub fn from_unix_ns(unix_ns: i64) -> Self {
         Self { ns: unix_ns.saturating_add(leap::tai_less_utc_of_unix_s(unix_ns.div_euclid(NS_PER_S)) * NS_PER_S) }
     }
 
     /// Returns nanoseconds of terrestrial time since 1970-01-01T00:00:00 TT.
-    #[must_use]
     pub const fn to_tt_ns(self) -> i64 {
         self.ns.saturating_add(TT_LESS_TAI_NS)
     }
 
     /// Returns the instant of a terrestrial time.
-    #[must_use]
     pub const fn from_tt_ns(tt_ns: i64) -> Self {
         Self { ns: tt_ns.saturating_sub(TT_LESS_TAI_NS) }
     }
 
     /// Returns nanoseconds of GPS time since its epoch, 1980-01-06T00:00:00 UTC.
-    #[must_use]
     pub const fn to_gps_ns(self) -> i64 {
         self.ns.saturating_sub(GPS_EPOCH_NS)
     }
 
     /// Returns the instant of a GPS time.
-    #[must_use]
     pub const fn from_gps_ns(gps_ns: i64) -> Self {
         Self { ns: gps_ns.saturating_add(GPS_EPOCH_NS) }
     }
@@ -177,19 +162,16 @@ impl Tai {
     }
 
     /// Returns the Julian years (TDB) since J2000.0: the argument of space motion and of ephemerides.
-    #[must_use]
     pub fn years_since_j2000(self) -> f64 {
         self.days_tdb_since_j2000() / JULIAN_YEAR_D
     }
 
     /// Days (TDB) since J2000.0 = JD 2451545.0 TDB.
-    #[must_use]
     pub fn days_tdb_since_j2000(self) -> f64 {
         self.epoch().to_tdb_seconds() / DAY_S
     }
 
     /// Returns seconds UTC since 1970-01-01T00:00:00 UTC, as Unix time counts them.
-    #[must_use]
     pub fn unix_s(self) -> f64 {
         self.to_unix_ns() as f64 / NS_PER_S as f64
     }

@@ -20,7 +20,6 @@ pub struct Unfinished {
 
 impl Unfinished {
     /// Registers `path`, which need not exist yet.
-    #[must_use]
     pub fn register(path: &Path) -> Self {
         registered().push(path.to_path_buf());
         Self { path: path.to_path_buf() }

@@ -34,7 +34,6 @@ impl<T> Clone for WriterQueue<T> {
 impl<T> WriterQueue<T> {
     /// Returns a queue of at most `items`, and the writer's end of it: items, and `None` at the end.
     /// `waits`: whether [`Self::put`] waits for the writer, as on the virtual clock, or loses items.
-    #[must_use]
     pub fn new(items: usize, waits: bool) -> (Self, Receiver<Option<T>>) {
         let (to_write, written) = bounded(items);
         (Self { to_write, state: Arc::default(), waits }, written)
@@ -57,7 +56,6 @@ impl<T> WriterQueue<T> {
     }
 
     /// Returns how many items were offered so far, lost ones included.
-    #[must_use]
     pub fn offered(&self) -> u64 {
         self.state.offered.load(Ordering::SeqCst)
     }

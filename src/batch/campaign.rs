@@ -73,13 +73,11 @@ fn schedule_limits(base: &Scenario) -> ScheduleLimits {
 }
 
 /// Returns the random faults of `seed` in the scenario `base`.
-#[must_use]
 pub fn random_faults(base: &Scenario, seed: u64) -> Vec<Event> {
     fault_schedule(seed, &schedule_limits(base))
 }
 
 /// Returns the scenario of one episode: `base` with the faults of `seed`.
-#[must_use]
 pub fn episode_scenario(base: &Scenario, seed: u64) -> Scenario {
     let mut scenario = base.clone();
     scenario.bench.seed = seed;

@@ -156,7 +156,6 @@ pub struct Costs {
 
 /// Returns the constants measured for this backend on this machine, if there are any. A cache that cannot be used is
 /// reported in one line on the error stream.
-#[must_use]
 pub fn costs_here(imager: &Imager, only_built_in: bool) -> Costs {
     let built_in = |why: &str| Costs { measured: None, origin: format!("built in ({why})") };
     if only_built_in {

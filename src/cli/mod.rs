@@ -251,7 +251,6 @@ fn end_on_a_failed_print() {
 }
 
 /// Returns the whole command line, with groups and examples in its help.
-#[must_use]
 pub fn command() -> clap::Command {
     let plain = advice::with_negative_numbers(Arguments::command());
     command_groups::with_groups(examples::with_examples(plain))
@@ -261,7 +260,6 @@ pub fn command() -> clap::Command {
 const THREADS_MOST: usize = 1024;
 
 /// Runs the command line; errors are printed with their causes.
-#[must_use]
 pub fn main() -> ExitCode {
     end_on_a_failed_print();
     let arguments = match advice::parsed::<Arguments>(command()) {

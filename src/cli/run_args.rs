@@ -162,7 +162,6 @@ pub(super) enum SinkKind {
 
 impl BackendName {
     /// Returns the config's word for it.
-    #[must_use]
     pub fn configured(self) -> config::Backend {
         match self {
             Self::Auto => config::Backend::Auto,

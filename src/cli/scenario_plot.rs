@@ -26,7 +26,6 @@ pub struct TelemetryPlot {
 
 impl TelemetryPlot {
     /// Returns a picture without rows; times count from `zero`.
-    #[must_use]
     pub fn new(zero: Tai) -> Self {
         Self { zero, bin_s: 0.1, bins: Vec::with_capacity(BINS), modes: Vec::new() }
     }
@@ -63,7 +62,6 @@ impl TelemetryPlot {
     }
 
     /// Returns the picture.
-    #[must_use]
     pub fn svg(&self, title: &str) -> String {
         let line = |label: &str, kind: usize, group: usize| {
             let point = |(i, bin): (usize, &Bin)| Some([(i as f64 + 0.5) * self.bin_s, bin[kind]?.max(1e-3)]);

@@ -96,7 +96,6 @@ pub struct ScenarioReport {
 
 impl ScenarioReport {
     /// Makes the report of a run, finished or in progress.
-    #[must_use]
     pub fn of(scenario: &Scenario, outcome: &LoopView<'_>, wall_s: f64) -> Self {
         let (record, assessment) = (outcome.record, outcome.assessment);
         let simulated_s = outcome.simulated_s;
@@ -165,7 +164,6 @@ impl ScenarioReport {
 }
 
 /// Returns the report for people; of a run without a spacecraft its faults and expectations only.
-#[must_use]
 pub fn table(report: &ScenarioReport, details: bool, is_flown: bool) -> String {
     let mut text = String::new();
     let flown = if is_flown { write_flight(&mut text, report, details) } else { Ok(()) };

@@ -295,7 +295,6 @@ fn check_both_ends(
 impl Bench {
     /// Returns true when the plant is outside and no bus leads out of the program: its samples can only come from
     /// whoever steps the run, over the control socket or as a library.
-    #[must_use]
     pub fn is_lockstep(&self) -> bool {
         self.flight_computer.is_external && self.link.has_no_gateway()
     }
@@ -441,26 +440,22 @@ fn is_drawn_for_display(sinks: &[SinkSettings]) -> bool {
 
 impl Bench {
     /// Returns the seed of the noise of exposures: the one that is given, or the run's.
-    #[must_use]
     pub fn noise_seed(&self) -> u64 {
         self.noise_seed_given.unwrap_or(self.seed)
     }
 
     /// Returns the first head.
-    #[must_use]
     pub fn first_head(&self) -> Head {
         let Self { sensor_from_body, ref camera, timing: Timing { frame_rate_hz, phase, .. }, .. } = *self;
         Head { sensor_from_body, camera: camera.clone(), frame_rate_hz, phase }
     }
 
     /// Returns how many heads there are, 1 at least.
-    #[must_use]
     pub fn head_count(&self) -> usize {
         1 + self.extra_heads.len()
     }
 
     /// Returns how each head is mounted, the first one first.
-    #[must_use]
     pub fn mountings(&self) -> Vec<Rotation<Sensor, Body>> {
         core::iter::once(self.sensor_from_body)
             .chain(self.extra_heads.iter().map(|head| head.sensor_from_body))
@@ -481,7 +476,6 @@ impl Bench {
 
     /// Returns the bench as the head of this number is drawn from it: its camera, mounting and rate, and patterns and
     /// noise of its own.
-    #[must_use]
     pub fn of_head(&self, number: usize) -> Self {
         let own = |seed: u64| seed.wrapping_add(number as u64);
         let mut bench = Self { seed: own(self.seed), noise_seed_given: self.noise_seed_given.map(own), ..self.clone() };

@@ -157,7 +157,6 @@ impl Camera {
     }
 
     /// Returns columns and rows of its images.
-    #[must_use]
     pub fn image_px(&self) -> [u32; 2] {
         let detector = &self.detector;
         let output = detector.params.spatial.output([detector.width_px as usize, detector.height_px as usize]);
@@ -165,13 +164,11 @@ impl Camera {
     }
 
     /// Returns the angle of one pixel on the boresight, arcsec.
-    #[must_use]
     pub fn ifov_arcsec(&self) -> f64 {
         (self.detector.pixel_pitch_um * 1e-3 / self.optics.focal_length_mm).atan() / ARCSEC
     }
 
     /// Returns the full field of view along columns and rows, deg, without distortion.
-    #[must_use]
     pub fn fov_deg(&self) -> [f64; 2] {
         [self.detector.width_px, self.detector.height_px].map(|side_px| {
             let half_mm = 0.5 * f64::from(side_px) * self.detector.pixel_pitch_um * 1e-3;
@@ -180,7 +177,6 @@ impl Camera {
     }
 
     /// Returns the magnitude and colour to electrons, as the file says.
-    #[must_use]
     pub fn star_light(&self) -> StarLight {
         let parametric = plan::optics::Radiometry {
             zero_magnitude_photons_per_s_m2: self.radiometry.zero_magnitude_photons_per_s_m2,
@@ -201,14 +197,12 @@ impl Camera {
 
     /// Returns electrons per second of a star of instrument magnitude 0, over the whole image of the star; 0 under a
     /// grey mapping, which knows no seconds.
-    #[must_use]
     pub fn zero_point_e_per_s(&self) -> f64 {
         self.star_light().zero_point_e_per_s().unwrap_or(0.0)
     }
 }
 
 /// Returns whether a document describes a camera by itself, rather than a bench that names one.
-#[must_use]
 pub fn is_camera(document: &Document) -> bool {
     document.has_key("detector")
 }

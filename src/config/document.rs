@@ -141,7 +141,6 @@ impl Document {
     }
 
     /// Returns the document of a text as if it were in the file `path` (which need not exist).
-    #[must_use]
     pub fn from_text(text: &str, path: &Path) -> Self {
         Self { origin: Origin::File(path.into()), text: text.into(), settings: Vec::new() }
     }
@@ -229,7 +228,6 @@ impl Document {
     }
 
     /// Returns how messages call it.
-    #[must_use]
     pub fn name(&self) -> String {
         match &self.origin {
             Origin::File(path) => path.display().to_string(),
@@ -254,7 +252,6 @@ impl Document {
     }
 
     /// Returns the text as it is written, without settings.
-    #[must_use]
     pub fn text(&self) -> &str {
         &self.text
     }
@@ -274,7 +271,6 @@ impl Document {
     }
 
     /// Returns whether the text has no key at all, and no setting gives one.
-    #[must_use]
     pub fn is_blank(&self) -> bool {
         self.settings.is_empty() && DeTable::parse(&self.text).is_ok_and(|table| table.get_ref().is_empty())
     }

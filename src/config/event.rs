@@ -61,7 +61,6 @@ pub enum Action {
 
 impl Action {
     /// Returns whether it acts aboard a spacecraft that is flown inside the program.
-    #[must_use]
     pub fn is_aboard(&self) -> bool {
         match self {
             Self::Slew(_) | Self::Safe | Self::Resume | Self::Aboard(_) => true,
@@ -125,7 +124,6 @@ impl Event {
     }
 
     /// Returns every word for `do` with its keys, a line each; optional keys are in brackets.
-    #[must_use]
     pub fn described_words() -> String {
         let mut text = String::new();
         for (word, row) in ACTIONS {

@@ -96,7 +96,6 @@ macro_rules! rows {
 
         impl Action {
             /// Returns its word for `do` in `[[event]]`, which events and reports name it by.
-            #[must_use]
             #[allow(unused_variables, reason = "a row's pattern binds what `keys` writes")]
             pub fn word(&self) -> &'static str {
                 match *self {

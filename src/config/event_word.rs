@@ -182,7 +182,6 @@ rows! {
 }
 
 /// Returns the flag of frames that are exposed while the bus towards the stimulator has this fault.
-#[must_use]
 pub fn link_flag(fault: &LinkFault) -> FaultFlags {
     match fault {
         LinkFault::Loss { .. } => FaultFlags::LINK_DROP,

@@ -15,7 +15,6 @@ pub(super) type Keys = Vec<(&'static str, Value)>;
 
 impl Event {
     /// Returns the keys of `[[event]]` that make this event again ([`Self::from_json`]).
-    #[must_use]
     pub fn to_json(&self) -> Map<String, Value> {
         let mut keys: Keys = vec![("do", self.action.word().into()), ("at_s", self.at.s().into())];
         keys.extend(self.on_trigger.map(|number| ("on_trigger", number.into())));

@@ -60,7 +60,6 @@ impl FileKind {
     ];
 
     /// Returns its word on the command line and in messages.
-    #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Bench => "bench",

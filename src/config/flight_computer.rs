@@ -41,7 +41,6 @@ pub struct JitterLineSettings {
 
 impl JitterLineSettings {
     /// Returns the line as `plan::attitude` takes it, its epoch being the start of the run.
-    #[must_use]
     pub fn line(&self) -> JitterLine {
         JitterLine {
             frequency_hz: self.frequency_hz,

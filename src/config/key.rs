@@ -132,7 +132,6 @@ pub(super) trait Section: Clone + Default + DeserializeOwned {
     fn table(&self) -> &str;
 
     /// Returns the same at another place, such as `target[2]`.
-    #[must_use]
     fn at(&self, table: &str) -> Self;
 
     /// Returns its keys, and whether each is given.

@@ -125,13 +125,11 @@ pub struct Link {
 
 impl Link {
     /// Returns true for a bus inside this program that no other program can reach.
-    #[must_use]
     pub fn has_no_gateway(&self) -> bool {
         matches!(&self.carrier, Carrier::Simulated(gateway_ports) if *gateway_ports == GatewayPorts::default())
     }
 
     /// Returns true for a simulated CAN bus.
-    #[must_use]
     pub fn is_simulated_can(&self) -> bool {
         matches!(self.carrier, Carrier::Simulated(_)) && matches!(self.wire, Wire::CanFd | Wire::CanClassic)
     }

@@ -187,7 +187,6 @@ impl Motion {
     }
 
     /// Returns the largest rate, acceleration and jerk of the motion, and its sinusoids.
-    #[must_use]
     pub fn scale(&self) -> MotionScale {
         match self {
             Self::Steady { rate_deg_s, swings } => MotionScale {

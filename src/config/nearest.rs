@@ -4,7 +4,6 @@
 const NEAR_ENOUGH: f64 = 0.75;
 
 /// Returns the name of `known` most like `name`, when any is like it.
-#[must_use]
 pub fn nearest<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     let name = name.to_lowercase();
     let scored = known.map(|candidate| (strsim::jaro_winkler(&name, &candidate.to_lowercase()), candidate));

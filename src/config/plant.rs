@@ -42,7 +42,6 @@ impl TrackerCommands {
     }
 
     /// Returns true when it commands anything.
-    #[must_use]
     pub fn any(self) -> bool {
         self.windows || self.exposure
     }

@@ -89,7 +89,6 @@ impl FilePlant {
     }
 
     /// Returns the attitudes on the clock of a run whose first exposure is at `zero`.
-    #[must_use]
     pub fn profile(&self, zero: Tai) -> FileProfile {
         let zero_ns = match (self.begins, self.history.times) {
             (Begins::Utc, _) => zero.ns(),

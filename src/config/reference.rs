@@ -7,7 +7,6 @@ use crate::key_type::Shape;
 use core::fmt::Write;
 
 /// Returns the reference of the keys of these kinds of files, as Markdown.
-#[must_use]
 pub fn key_reference(kinds: &[FileKind]) -> String {
     let mut page = String::from(HEAD);
     for kind in kinds {

@@ -85,7 +85,6 @@ section! {
 }
 
 /// Returns whether a document is a scenario: it names a spacecraft. A file that cannot be parsed is not.
-#[must_use]
 pub fn is_scenario(document: &Document) -> bool {
     document.has_key("spacecraft")
 }
@@ -154,7 +153,6 @@ impl Scenario {
     }
 
     /// Returns the spacecraft that is flown inside, if one is.
-    #[must_use]
     pub fn vehicle(&self) -> Option<&Vehicle> {
         match &self.plant {
             Plant::Vehicle(vehicle) => Some(vehicle),

@@ -8,7 +8,6 @@ use crate::key_type::Shape;
 use serde_json::{Map, Value, json};
 
 /// Returns the JSON Schema (draft 2020-12) of a kind of files. What depends on several keys only the program checks.
-#[must_use]
 pub fn key_schema(kind: FileKind) -> Value {
     let mut schema = of_keys(&declared(kind));
     schema.insert("$schema".into(), json!("https://json-schema.org/draft/2020-12/schema"));

@@ -64,7 +64,6 @@ pub enum Sink {
 
 impl Sink {
     /// Returns the word for it in files and messages.
-    #[must_use]
     pub fn kind(&self) -> &'static str {
         match self {
             Self::Recorder { .. } => "recorder",

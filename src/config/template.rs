@@ -39,7 +39,6 @@ const EXAMPLES: [(&str, &str); 18] = [
 const LIVE: [&str; 4] = ["case.attitudes.ra_deg", "case.attitudes.dec_deg", "requirement.most", "attitude.kind"];
 
 /// Returns a file of this kind with every key commented out but those that must be given.
-#[must_use]
 pub fn key_template(kind: FileKind) -> String {
     let mut text = String::new();
     comment(&mut text, &format!("A {} file: remove the # before a key to change its value.", kind.name()));

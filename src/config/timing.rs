@@ -31,7 +31,6 @@ pub enum Degrade {
 
 impl Degrade {
     /// Returns whether it applies to a run on the real (or else the virtual) clock.
-    #[must_use]
     pub fn applies(self, on_real_clock: bool) -> bool {
         match self {
             Self::OnRealClock => on_real_clock,
@@ -129,7 +128,6 @@ impl Timing {
     }
 
     /// Returns frames in the run (at least one).
-    #[must_use]
     pub fn frames(&self) -> u64 {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked: 0 to 1e11")]
         let frames = (self.duration_s * self.frame_rate_hz + 1e-9).floor() as u64;

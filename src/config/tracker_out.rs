@@ -87,7 +87,6 @@ pub enum TrackerProtocol {
 
 impl TrackerProtocol {
     /// Its word in files and messages.
-    #[must_use]
     pub fn name(&self) -> &'static str {
         match self {
             Self::Json => "json",
@@ -156,7 +155,6 @@ pub enum TrackerLine {
 
 impl TrackerLine {
     /// Returns true when only this program is at the other end: it may be on the virtual clock.
-    #[must_use]
     pub fn has_virtual_time(&self) -> bool {
         match self {
             Self::Udp { .. } | Self::Bus | Self::File { .. } => true,

@@ -40,7 +40,6 @@ impl Entries {
     }
 
     /// Returns the entries as JSON.
-    #[must_use]
     pub fn json(&self) -> Value {
         json!({ "images": self.images, "annotations": self.annotations })
     }
@@ -68,7 +67,6 @@ fn annotation(outline: &Outline, (id, image): (u64, u32), [width, height]: [usiz
 }
 
 /// Returns the whole file from the entries of all shards, in their order.
-#[must_use]
 pub fn whole(name: &str, licence: &str, shards: impl Iterator<Item = Value>) -> Value {
     let (mut images, mut annotations) = (Vec::new(), Vec::new());
     for shard in shards {

@@ -96,7 +96,6 @@ fn pair_of(given: &Value) -> Result<[f64; 2]> {
 }
 
 /// Returns a number that was written as a whole one or with a fraction.
-#[must_use]
 pub fn number_of(value: &Value) -> Option<f64> {
     value.as_float().or_else(|| value.as_integer().map(|whole| whole as f64))
 }

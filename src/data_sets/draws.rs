@@ -43,7 +43,6 @@ pub struct Draws {
 
 impl Draws {
     /// Returns the numbers of an item or shard for a purpose.
-    #[must_use]
     pub fn new(seed: u64, number: u32, purpose: Purpose) -> Self {
         Self { key: key(seed), number, purpose, blocks: 0, words: [0; 4], used: 4 }
     }

@@ -49,7 +49,6 @@ pub struct About {
 
 impl About {
     /// Returns what a folder is about.
-    #[must_use]
     pub fn new(spec: &Spec, count: u32, program: &str) -> Self {
         let camera = spec.camera.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
         Self {

@@ -42,7 +42,6 @@ pub struct Files {
 
 impl Files {
     /// Returns a list of no file below a folder.
-    #[must_use]
     pub fn new(folder: &Path) -> Self {
         Self { folder: folder.into(), rows: Vec::new() }
     }
@@ -88,7 +87,6 @@ impl Files {
     }
 
     /// Returns the files, by path.
-    #[must_use]
     pub fn into_rows(mut self) -> Vec<FileRow> {
         self.rows.sort_by(|a, b| a.path.cmp(&b.path));
         self.rows
@@ -130,7 +128,6 @@ pub fn write_below(folder: &Path, path: &str, bytes: &[u8]) -> Result<()> {
 }
 
 /// Returns the SHA-256 of bytes, hexadecimal.
-#[must_use]
 pub fn sha256_of(bytes: &[u8]) -> String {
     hexadecimal(&Sha256::digest(bytes))
 }
@@ -161,7 +158,6 @@ impl ImageFiles {
     }
 
     /// Returns where the image of an item is, as the labels name it.
-    #[must_use]
     pub fn place(form: ImageForm, shard: u32, item: u32) -> String {
         match form {
             ImageForm::Fits => format!("images/{shard:05}/{item:08}.fits.fz"),
@@ -172,7 +168,6 @@ impl ImageFiles {
     }
 
     /// Returns where the image of an item of this shard is.
-    #[must_use]
     pub fn place_of(&self, item: u32) -> String {
         Self::place(self.form, self.shard, item)
     }
@@ -242,7 +237,6 @@ fn append(tar: &mut tar::Builder<impl Write>, name: &str, bytes: &[u8]) -> Resul
 }
 
 /// Returns the description of the array of all images: Zarr, version 3.
-#[must_use]
 pub fn array_description(count: u32, [width, height]: [usize; 2]) -> String {
     let description = json!({
         "zarr_format": 3,

@@ -182,7 +182,6 @@ impl Labels {
 }
 
 /// Returns the labels of an item as JSON, with its stars in a list.
-#[must_use]
 pub fn json_of(row: &Filed<'_>) -> Value {
     let mut object: Map<String, Value> =
         ITEM_COLUMNS.iter().map(|column| (column.name.to_owned(), json_cell((column.of)(row)))).collect();

@@ -23,7 +23,6 @@ pub struct Outline {
 
 impl Outline {
     /// Returns the outline of a target that is drawn alone; `None` when no light of it is on the output.
-    #[must_use]
     pub fn of(id: u32, mean_e: &Mean<'_>, output: &OutputGeometry, threshold_e: f64) -> Option<Self> {
         let [columns, rows] = output.size_px;
         let (mut runs, mut is_inside, mut run, mut area_px) = (Vec::new(), false, 0, 0);

@@ -79,7 +79,6 @@ impl Recipe {
     }
 
     /// Returns the mean displacement of the image by the jitter, px.
-    #[must_use]
     pub fn mean_jitter_px(&self) -> [f64; 2] {
         let points = self.path.as_ref().map_or(&[][..], PixelPath::points);
         let sum = points.iter().fold([0.0; 2], |[x, y], point| [x + point.dx_px, y + point.dy_px]);
@@ -87,7 +86,6 @@ impl Recipe {
     }
 
     /// Returns the motion of the image during an exposure of this length.
-    #[must_use]
     pub fn motion(&self, exposure_s: f64) -> Motion {
         let start = self.at - Span::from_s(0.5 * exposure_s);
         let mut los = LosPath::commanded(self.sensor_from_icrf, start, exposure_s);

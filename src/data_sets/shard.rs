@@ -56,7 +56,6 @@ impl Times {
 }
 
 /// Returns the path of a shard's record, relative to the folder.
-#[must_use]
 pub fn record_path(shard: u32) -> String {
     format!("records/{shard:05}.json")
 }

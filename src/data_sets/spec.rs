@@ -132,7 +132,6 @@ impl ImageForm {
     }
 
     /// Returns its name.
-    #[must_use]
     pub fn name(self) -> &'static str {
         Self::NAMED.iter().find(|(form, _)| *form == self).map_or("", |(_, name)| name)
     }
@@ -251,19 +250,16 @@ impl Spec {
     }
 
     /// Returns the shard of an item.
-    #[must_use]
     pub fn shard_of(&self, item: u32) -> u32 {
         item / self.output.shard_items
     }
 
     /// Returns the number of shards of this many items.
-    #[must_use]
     pub fn shards(&self, count: u32) -> u32 {
         count.div_ceil(self.output.shard_items)
     }
 
     /// Returns the items of a shard in a data set of `count`.
-    #[must_use]
     pub fn items_of(&self, shard: u32, count: u32) -> core::ops::Range<u32> {
         let first = shard.saturating_mul(self.output.shard_items);
         first..first.saturating_add(self.output.shard_items).min(count)

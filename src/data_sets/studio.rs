@@ -87,31 +87,26 @@ impl Studio {
     }
 
     /// Returns the number of its shard.
-    #[must_use]
     pub fn shard(&self) -> u32 {
         self.shard
     }
 
     /// Returns the camera file as it is drawn with.
-    #[must_use]
     pub fn camera(&self) -> &Camera {
         &self.bench.camera
     }
 
     /// Returns the keys that were drawn for the camera and the bench, as JSON.
-    #[must_use]
     pub fn drawn_keys(&self) -> &str {
         &self.drawn_keys
     }
 
     /// Returns whether items may have targets.
-    #[must_use]
     pub fn has_targets(&self) -> bool {
         !self.own_targets.is_empty() || !self.spec.targets.is_empty()
     }
 
     /// Returns the columns and rows of its images.
-    #[must_use]
     pub fn size_px(&self) -> [usize; 2] {
         self.still.params().camera.output().size_px
     }

@@ -7,13 +7,11 @@ use crate::variables::reference;
 
 impl Slave {
     /// Returns the time at which the next step begins, s.
-    #[must_use]
     pub fn time_s(&self) -> f64 {
         self.time_s[0]
     }
 
     /// Returns the numbers of a variable of double precision; `None` for a reference that is none of them.
-    #[must_use]
     pub fn float64(&self, reference: u32) -> Option<&[f64]> {
         let inputs = &self.inputs;
         Some(match reference {
@@ -52,7 +50,6 @@ impl Slave {
     }
 
     /// Returns a whole number of any size; `None` for a reference that is none.
-    #[must_use]
     pub fn whole(&self, reference: u32) -> Option<i128> {
         Some(match reference {
             reference::TRIGGER => self.inputs.trigger.into(),
@@ -81,7 +78,6 @@ impl Slave {
     }
 
     /// Returns the value of a Boolean variable; `None` for a reference of another type.
-    #[must_use]
     pub fn boolean(&self, reference: u32) -> Option<bool> {
         match reference {
             reference::HAS_OBSERVER => Some(self.inputs.has_observer),
@@ -102,7 +98,6 @@ impl Slave {
     }
 
     /// Returns a text; `None` for a reference that is none.
-    #[must_use]
     pub fn text(&self, reference: u32) -> Option<&str> {
         (reference == reference::OUTPUT_DIR).then_some(self.inputs.output_dir.as_str())
     }

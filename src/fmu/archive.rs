@@ -33,7 +33,6 @@ pub(crate) fn check_plant(scenario: &Scenario, file: &str) -> Result<(), FmuErro
 }
 
 /// Returns what binds description and resources together: a checksum of both.
-#[must_use]
 pub fn token(run_json: &str, heads: usize) -> String {
     let of_run = crc32fast::hash(run_json.as_bytes());
     format!("starloop-{}-{of_run:08x}-{heads}", env!("CARGO_PKG_VERSION"))

@@ -20,7 +20,6 @@ pub struct Model {
 }
 
 /// Returns the description of a unit.
-#[must_use]
 pub fn description(model: &Model, variables: &[Variable]) -> String {
     let mut out = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n");
     write_description(&mut out, model, variables);

@@ -109,7 +109,6 @@ const IDENTITY: &str = "1 0 0 0";
 const ZEROS: &str = "0 0 0";
 
 /// Returns every variable of a unit with so many heads.
-#[must_use]
 pub fn variables(heads: usize) -> Vec<Variable> {
     let mut all = vec![Variable {
         name: "time".into(),

@@ -151,7 +151,6 @@ impl AttitudeSegment {
     }
 
     /// Returns its rows, by rising time.
-    #[must_use]
     pub fn states(&self) -> &[AttitudeState] {
         &self.states
     }
@@ -163,13 +162,11 @@ impl AttitudeSegment {
     }
 
     /// Returns how it is interpolated.
-    #[must_use]
     pub fn method(&self) -> AttitudeInterpolation {
         self.method
     }
 
     /// Returns from when to when it may be used, ns.
-    #[must_use]
     pub fn usable_ns(&self) -> [i64; 2] {
         self.usable_ns
     }
@@ -280,7 +277,6 @@ impl AttitudeHistory {
 
     /// Returns a history of one segment of computed states, such as the frames of a run; `None` where their times do
     /// not rise or there is none.
-    #[must_use]
     pub fn of_states(states: Vec<AttitudeState>) -> Option<Self> {
         let has_rates = states.iter().all(|state| state.rate_rad_s.is_some());
         let method = if has_rates { AttitudeInterpolation::CubicHermite } else { AttitudeInterpolation::Slerp };
@@ -291,38 +287,32 @@ impl AttitudeHistory {
     }
 
     /// Returns its segments, by rising time.
-    #[must_use]
     pub fn segments(&self) -> &[AttitudeSegment] {
         &self.segments
     }
 
     /// Returns the number of rows at which it may be used.
-    #[must_use]
     pub fn rows(&self) -> usize {
         self.segments.iter().map(|segment| segment.usable_states().count()).sum()
     }
 
     /// Returns the first and the last usable instant, ns.
-    #[must_use]
     pub fn span_ns(&self) -> [i64; 2] {
         let (first, last) = (&self.segments[0], &self.segments[self.segments.len() - 1]);
         [first.usable_ns[0], last.usable_ns[1]]
     }
 
     /// Returns the attitude and its motion at an instant; `None` where the file has none. Does not allocate.
-    #[must_use]
     pub fn at_ns(&self, t_ns: i64) -> Option<AttitudeMotion> {
         segments::containing(&self.segments, t_ns, AttitudeSegment::usable_ns).map(|segment| segment.at(t_ns))
     }
 
     /// Returns the attitude at an instant of TAI, of a history with absolute times.
-    #[must_use]
     pub fn at(&self, at: Tai) -> Option<AttitudeMotion> {
         self.at_ns(at.ns())
     }
 
     /// Returns the largest rate, acceleration and jerk, rad/s and its derivatives, by differences of rows.
-    #[must_use]
     pub fn motion_limits(&self) -> [f64; 3] {
         let mut limits = [0.0_f64; 3];
         for segment in &self.segments {
@@ -345,7 +335,6 @@ impl AttitudeHistory {
     /// Between rows the error is less: a quarter of it with slerp, a sixteenth with cubics, where the motion is smooth.
     /// Where rates contradict the attitudes, it is what this makes of a cubic, if that is more.
     /// `None` with fewer than three rows in each segment.
-    #[must_use]
     pub fn interpolation_error_rad(&self) -> Option<f64> {
         self.segments.iter().filter_map(AttitudeSegment::left_out_error_rad).reduce(f64::max)
     }

@@ -61,7 +61,6 @@ impl Centre {
     }
 
     /// Returns its name in CCSDS messages.
-    #[must_use]
     pub fn name(self) -> &'static str {
         CENTRES.iter().find(|(_, centre)| *centre == self).map_or("EARTH", |(name, _)| name)
     }
@@ -206,13 +205,11 @@ impl OrbitSegment {
     }
 
     /// Returns its rows, by rising time.
-    #[must_use]
     pub fn states(&self) -> &[OrbitState] {
         &self.states
     }
 
     /// Returns how it is interpolated.
-    #[must_use]
     pub fn method(&self) -> OrbitInterpolation {
         self.method
     }
@@ -366,20 +363,17 @@ impl OrbitHistory {
     }
 
     /// Returns an orbit of computed states; `None` where there are fewer than two, or their times do not rise.
-    #[must_use]
     pub fn of_states(centre: Centre, states: Vec<OrbitState>) -> Option<Self> {
         let segment = OrbitSegment::new(states, OrbitInterpolation::CUBIC, [None; 2]).ok()?;
         Self::new("states", centre, vec![segment]).ok()
     }
 
     /// Returns its segments, by rising time.
-    #[must_use]
     pub fn segments(&self) -> &[OrbitSegment] {
         &self.segments
     }
 
     /// Returns the number of rows at which it may be used.
-    #[must_use]
     pub fn rows(&self) -> usize {
         let usable = |segment: &OrbitSegment| {
             let [from, until] = segment.usable_ns;
@@ -389,13 +383,11 @@ impl OrbitHistory {
     }
 
     /// Returns the first and the last usable instant, ns of TAI.
-    #[must_use]
     pub fn span_ns(&self) -> [i64; 2] {
         [self.segments[0].usable_ns[0], self.segments[self.segments.len() - 1].usable_ns[1]]
     }
 
     /// Returns the state at an instant; `None` where the file has none. Does not allocate.
-    #[must_use]
     pub fn at_ns(&self, t_ns: i64) -> Option<OrbitState> {
         segments::containing(&self.segments, t_ns, |segment| segment.usable_ns).map(|segment| segment.at(t_ns))
     }
@@ -404,7 +396,6 @@ impl OrbitHistory {
     /// left out and interpolated from the others, over steps twice as long. Between rows it is less: a sixteenth in
     /// position with cubics where the motion is smooth. Where velocities contradict the positions, it is what this makes of
     /// them, if that is more. Zero for the series of a kernel. `None` with fewer than three rows in each segment.
-    #[must_use]
     pub fn interpolation_error(&self) -> Option<[f64; 2]> {
         self.segments.iter().filter_map(OrbitSegment::left_out_error).reduce(larger)
     }

@@ -87,7 +87,6 @@ fn parquet_text(path: &Path) -> Result<String, HistoryError> {
 }
 
 /// Returns true for a file that begins as a binary SPICE kernel, or its transfer form.
-#[must_use]
 pub fn is_kernel(path: &Path) -> bool {
     let is_one = |begin: [u8; 8]| [&b"DAF/"[..], b"NAIF/DAF", b"DAFETF"].iter().any(|known| begin.starts_with(known));
     beginning(path).is_some_and(is_one)

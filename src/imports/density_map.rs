@@ -72,13 +72,11 @@ impl DensityMap {
     }
 
     /// Returns stars in it.
-    #[must_use]
     pub fn stars(&self) -> u64 {
         self.counts.iter().sum()
     }
 
     /// Returns the HEALPix order of its cells.
-    #[must_use]
     pub fn order(&self) -> u8 {
         self.order
     }
@@ -103,7 +101,6 @@ impl DensityMap {
     }
 
     /// Returns stars per square degree about a direction (unit vector).
-    #[must_use]
     pub fn density(&self, direction_icrf: DVec3) -> f64 {
         self.per_deg2(self.counts[self.cell_of(direction_icrf)])
     }
@@ -117,7 +114,6 @@ impl DensityMap {
     }
 
     /// Returns the least and greatest density among cells with stars, stars per square degree; `None` without stars.
-    #[must_use]
     pub fn range(&self) -> Option<[f64; 2]> {
         let with_stars = || self.counts.iter().copied().filter(|count| *count > 0);
         Some([self.per_deg2(with_stars().min()?), self.per_deg2(with_stars().max()?)])
@@ -126,7 +122,6 @@ impl DensityMap {
 
 /// Returns the direction at a point of the picture, `None` beside the ellipse of the sky: `x` -1 (left) to 1, `y` -1
 /// (bottom) to 1.
-#[must_use]
 pub fn direction_at(x: f64, y: f64, is_galactic: bool) -> Option<DVec3> {
     if x * x + y * y > 1.0 {
         return None;

@@ -8,7 +8,6 @@ pub(crate) const FILES: [&str; 2] = ["hats.properties", "properties"];
 pub(crate) const COLLECTION: &str = "collection.properties";
 
 /// Returns true for the folder of a HATS catalog, or of a collection of them.
-#[must_use]
 pub fn is_hats(folder: &Path) -> bool {
     folder.is_dir() && FILES.iter().chain([&COLLECTION]).any(|name| folder.join(name).is_file())
 }

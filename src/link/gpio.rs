@@ -158,7 +158,6 @@ pub struct RawEdge {
 
 impl RawEdge {
     /// Returns the bytes of the event: `struct gpio_v2_line_event` of this machine.
-    #[must_use]
     pub fn to_bytes(self) -> [u8; EVENT_BYTES] {
         let mut bytes = [0; EVENT_BYTES];
         bytes[..8].copy_from_slice(&self.realtime_ns.to_ne_bytes());
@@ -170,7 +169,6 @@ impl RawEdge {
     }
 
     /// Returns the event of these bytes.
-    #[must_use]
     pub fn from_bytes(bytes: &[u8; EVENT_BYTES]) -> Self {
         let number = |at: usize| u32::from_ne_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
         let [low, high] = [0, 4].map(|at| number(at).to_ne_bytes());
@@ -239,7 +237,6 @@ impl GpioChip {
     }
 
     /// Returns the counts of the edges so far.
-    #[must_use]
     pub fn counters(&self) -> EdgeCounters {
         self.counters
     }

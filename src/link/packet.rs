@@ -40,7 +40,6 @@ impl<const MOST: usize> Bytes<MOST> {
     pub const EMPTY: Self = Self { bytes: [0; MOST], len: 0 };
 
     /// Returns at most `MOST` bytes; `None` for more.
-    #[must_use]
     pub fn new(bytes: &[u8]) -> Option<Self> {
         let mut all = Self { len: bytes.len(), ..Self::EMPTY };
         all.bytes.get_mut(..bytes.len())?.copy_from_slice(bytes);
@@ -48,7 +47,6 @@ impl<const MOST: usize> Bytes<MOST> {
     }
 
     /// Returns the bytes.
-    #[must_use]
     pub fn as_slice(&self) -> &[u8] {
         &self.bytes[..self.len]
     }
@@ -73,7 +71,6 @@ impl PartialEq for Packet {
 
 impl Packet {
     /// Returns the kind of packet, for messages.
-    #[must_use]
     pub fn kind(&self) -> &'static str {
         match self {
             Self::Can(frame) if frame.is_fd() => "CAN FD",
@@ -84,7 +81,6 @@ impl Packet {
     }
 
     /// Returns the number of bytes that the packet carries, without those of its frame.
-    #[must_use]
     pub fn data(&self) -> &[u8] {
         match self {
             Self::Can(frame) => frame.data(),

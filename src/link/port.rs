@@ -80,7 +80,6 @@ struct SerialCodec {
 
 impl Port {
     /// Returns a port over `link`; `ids` matters on CAN only.
-    #[must_use]
     pub fn new(link: Box<dyn Link>, format: WireFormat, ids: IdMap) -> Self {
         let can = can::Decoder::new(ids);
         Self {
@@ -113,31 +112,26 @@ impl Port {
     }
 
     /// Returns how messages look on this port's wire.
-    #[must_use]
     pub fn format(&self) -> WireFormat {
         self.format
     }
 
     /// Returns why and how often input was refused.
-    #[must_use]
     pub fn rejects(&self) -> &RejectCounters {
         &self.rejects
     }
 
     /// Returns why and how often plain messages were refused.
-    #[must_use]
     pub fn plain_rejects(&self) -> &PlainRejectCounters {
         self.plain.rejects()
     }
 
     /// Returns the first plain message that was refused.
-    #[must_use]
     pub fn first_refused(&self) -> Option<RefusedMessage> {
         self.plain.first_refused()
     }
 
     /// Returns the counters of the link.
-    #[must_use]
     pub fn counters(&self) -> LinkCounters {
         self.link.counters()
     }
@@ -225,7 +219,6 @@ impl Port {
 
     /// Returns the number of packets that the link took so far: right after [`Self::send`], the last packet of that
     /// message is number `packets_sent() - 1` for [`Self::departure`].
-    #[must_use]
     pub fn packets_sent(&self) -> u64 {
         self.packets_sent
     }

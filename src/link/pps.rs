@@ -93,7 +93,6 @@ impl Pps {
     }
 
     /// Returns the counts of the pulses so far.
-    #[must_use]
     pub fn counters(&self) -> PpsCounters {
         self.counters
     }

@@ -29,7 +29,6 @@ pub struct Detection {
 }
 
 /// Returns the background of every pixel: a smooth surface through the medians of cells.
-#[must_use]
 pub fn background(picture: &Picture) -> Vec<f32> {
     let cells = picture.size_px.map(|side| (side / CELL_PX).max(1));
     let edge = |i: usize, k: usize| k * picture.size_px[i] / cells[i];
@@ -89,7 +88,6 @@ fn smoothed_mesh(mesh: &[f64], cells: [usize; 2]) -> Vec<f64> {
 }
 
 /// Returns the stars, brightest first.
-#[must_use]
 pub fn detections(picture: &Picture, background: &[f32]) -> Vec<Detection> {
     let flat = picture.map(|i, dn| dn - background[i]);
     let smooth = smoothed(&flat);
@@ -180,7 +178,6 @@ fn smoothed(flat: &Picture) -> Picture {
 
 /// Returns the spread of an image about its background, DN rms: from differences of neighbours, which stars hardly
 /// change.
-#[must_use]
 pub fn noise_dn(picture: &Picture) -> f64 {
     let mut differences: Vec<f64> = picture
         .dn

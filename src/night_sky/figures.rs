@@ -75,7 +75,6 @@ pub struct StarRow {
 
 impl StarRow {
     /// Returns the row of a pair, for now no outlier.
-    #[must_use]
     pub fn of(pair: &Pair) -> Self {
         let mag = |flux: f64| -2.5 * (flux / pair.truth_dn).log10();
         Self {
@@ -148,7 +147,6 @@ pub struct EnergyFigures {
 }
 
 /// Returns the ratio of light to noise of a star in 5 x 5 px, the noise from that of the frame beside.
-#[must_use]
 pub fn snr(plate: &Plate<'_>, spot: &Spot, noise_dn: f64) -> f64 {
     let width = plate.picture.size_px[0];
     let light =
@@ -159,7 +157,6 @@ pub fn snr(plate: &Plate<'_>, spot: &Spot, noise_dn: f64) -> f64 {
 }
 
 /// Returns SNR by magnitude of both frames: a bin for each magnitude.
-#[must_use]
 pub fn snr_rows(real: &Plate<'_>, drawn: &Plate<'_>, pairs: &[Pair]) -> Vec<SnrRow> {
     let noise = [real, drawn].map(|plate| noise_dn(plate.picture));
     let good = pairs.iter().filter(|pair| !pair.is_blended && !pair.real.is_saturated && !pair.drawn.is_saturated);
@@ -182,7 +179,6 @@ pub fn snr_rows(real: &Plate<'_>, drawn: &Plate<'_>, pairs: &[Pair]) -> Vec<SnrR
 }
 
 /// Returns the background of places without stars; `stars` are places of all that are known or found, px.
-#[must_use]
 pub fn background(real: &Picture, drawn: &Picture, stars: &[[f64; 2]]) -> BackgroundFigures {
     let [width, height] = real.size_px;
     let mut places = Vec::new();
@@ -245,7 +241,6 @@ pub(crate) fn energy_weight(fluxes: impl Iterator<Item = f64>) -> impl Fn(f64) -
 }
 
 /// Returns the shares of light near the stars' middles, and mean profiles.
-#[must_use]
 pub fn energy(real: &Plate<'_>, drawn: &Plate<'_>, pairs: &[Pair]) -> EnergyFigures {
     let is_good = |pair: &&Pair| {
         !pair.is_blended
@@ -308,7 +303,6 @@ fn profile<'a>(plate: &Plate<'_>, spots: impl Iterator<Item = &'a Spot>) -> Vec<
 }
 
 /// Returns the radius of the middle of a ring of a profile, px.
-#[must_use]
 pub fn ring_px(ring: usize) -> f64 {
     (ring as f64 + 0.5) * RING_PX
 }

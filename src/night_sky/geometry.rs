@@ -76,7 +76,6 @@ impl Freedom {
     }
 
     /// Returns the number of parameters.
-    #[must_use]
     pub fn parameters(self) -> usize {
         self.steps().len()
     }
@@ -124,7 +123,6 @@ pub struct FittedGeometry {
 
 impl Geometry {
     /// Returns the place of an apparent direction, px; `None` behind the camera.
-    #[must_use]
     pub fn place(&self, direction: DVec3) -> Option<[f64; 2]> {
         let v = self.attitude.apply(direction);
         if v.z <= 0.1 {
@@ -138,7 +136,6 @@ impl Geometry {
     }
 
     /// Returns the geometry nearest to the ties, of `freedom`; `None` when they do not determine it.
-    #[must_use]
     pub fn fitted(&self, ties: &[Tie], freedom: Freedom) -> Option<FittedGeometry> {
         let steps = freedom.steps();
         let count = steps.len();
@@ -187,7 +184,6 @@ impl Geometry {
 
 /// Returns the parallel of the zenith's direction on the image that a stretch means, degrees from right towards down, 0
 /// to 180, and its size.
-#[must_use]
 pub fn stretch_axis(stretch: [f64; 2]) -> (f64, f64) {
     // Lengths along the vertical shrink: the axis of the negative stretch.
     let axis = 0.5 * (-stretch[1]).atan2(-stretch[0]);

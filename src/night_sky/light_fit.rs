@@ -72,7 +72,6 @@ pub struct LitStar {
 }
 
 /// Returns the vignetting that the background's fall towards the edge means; `None` where it shows none.
-#[must_use]
 pub fn vignetting(
     picture: &Picture,
     surface: &[f32],
@@ -96,7 +95,6 @@ pub fn vignetting(
 }
 
 /// Returns the vignetting that the stars call for beside the illumination `lit`; `None` where they agree with it.
-#[must_use]
 pub fn vignetting_by_stars(
     light: &FittedLight,
     lit: &Illumination,
@@ -156,7 +154,6 @@ fn for_places(picture: &Picture, mut visit: impl FnMut(usize, DVec2)) {
 }
 
 /// Returns the background's form; `lit` is the relative illumination at a place in half diagonals.
-#[must_use]
 pub fn background(picture: &Picture, surface: &[f32], black_dn: f64, lit: impl Fn(DVec2) -> f64) -> FittedBackground {
     let mut places = Vec::new();
     for_places(picture, |i, at| places.push((at, lit(at), f64::from(surface[i]) - black_dn)));
@@ -190,7 +187,6 @@ pub fn background(picture: &Picture, surface: &[f32], black_dn: f64, lit: impl F
 }
 
 /// Mean and variance of the cells of a frame, DN and DN^2; stars are left out.
-#[must_use]
 pub fn photon_transfer(picture: &Picture) -> Vec<[f64; 2]> {
     let [width, height] = picture.size_px;
     let mut cells = Vec::new();
@@ -217,7 +213,6 @@ pub fn photon_transfer(picture: &Picture) -> Vec<[f64; 2]> {
 
 /// Returns the noise of a frame's pixels: the gain where its light changes enough over the frame to say, and the noise
 /// without light; `response` is the spread of the pixels' responses, which adds to the variance.
-#[must_use]
 pub fn noise(cells: &[[f64; 2]], start: &PixelNoise, response: f64) -> (PixelNoise, Option<[f64; 2]>) {
     const MOST_GAIN_ERROR: f64 = 0.08;
     let of = |[mean, variance]: [f64; 2]| {
@@ -247,7 +242,6 @@ pub fn noise(cells: &[[f64; 2]], start: &PixelNoise, response: f64) -> (PixelNoi
 }
 
 /// Returns zero point and colour terms of stars; outliers count less. `None` when there are too few.
-#[must_use]
 pub fn light(stars: &[LitStar]) -> Option<FittedLight> {
     const LEAST_STARS: usize = 5;
     const STARS_FOR_SQUARE: usize = 15;

@@ -40,7 +40,6 @@ pub struct PixelNoise {
 
 impl PixelNoise {
     /// Returns the variance of a pixel of this mean, DN^2.
-    #[must_use]
     pub fn variance(&self, dn: f64) -> f64 {
         self.read_dn * self.read_dn + (dn - self.black_dn).max(0.0) / self.gain_e_per_dn
     }
@@ -67,7 +66,6 @@ pub struct Spot {
 
 impl Spot {
     /// Returns the signal-to-noise ratio of the light.
-    #[must_use]
     pub fn snr(&self) -> f64 {
         self.flux_dn / self.flux_error_dn
     }
@@ -85,7 +83,6 @@ pub struct Plate<'a> {
 }
 
 /// Returns the spot of each expected place, in their order; `None` at the edge.
-#[must_use]
 pub fn measure(plate: &Plate<'_>, stamp: &Stamp, expected: &[[f64; 2]]) -> Vec<Option<Spot>> {
     let mut left: Vec<f32> = plate.picture.dn.iter().zip(plate.background).map(|(dn, surface)| dn - surface).collect();
     let width = plate.picture.size_px[0];

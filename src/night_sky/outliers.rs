@@ -53,7 +53,6 @@ pub struct WorstStar {
 
 impl WorstStar {
     /// Returns the star in words, with what is off.
-    #[must_use]
     pub fn words(&self) -> String {
         let name = self.name.clone().unwrap_or_else(|| "a star without a name".into());
         let number = self.hipparcos.map(|hip| format!("HIP {hip}")).filter(|hip| *hip != name);

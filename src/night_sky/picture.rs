@@ -22,7 +22,6 @@ pub enum Flip {
 
 impl Flip {
     /// Returns its word on the command line and in reports.
-    #[must_use]
     pub fn word(self) -> &'static str {
         match self {
             Self::Columns => "columns",
@@ -33,25 +32,21 @@ impl Flip {
 
 impl Picture {
     /// Returns the value of a pixel; 0 outside the image.
-    #[must_use]
     pub fn at(&self, x: usize, y: usize) -> f64 {
         if x < self.size_px[0] { self.dn.get(y * self.size_px[0] + x).map_or(0.0, |dn| f64::from(*dn)) } else { 0.0 }
     }
 
     /// Returns the largest value.
-    #[must_use]
     pub fn largest(&self) -> f64 {
         self.dn.iter().fold(0.0, |most: f64, dn| most.max(f64::from(*dn)))
     }
 
     /// Returns the same image with each pixel passed through `of` with its number.
-    #[must_use]
     pub fn map(&self, of: impl Fn(usize, f32) -> f32) -> Self {
         Self { size_px: self.size_px, dn: self.dn.iter().enumerate().map(|(i, dn)| of(i, *dn)).collect() }
     }
 
     /// Returns the image with its columns or rows in reverse order.
-    #[must_use]
     pub fn flipped(&self, flip: Flip) -> Self {
         let rows = self.dn.chunks_exact(self.size_px[0].max(1));
         let dn = match flip {
@@ -62,20 +57,17 @@ impl Picture {
     }
 
     /// Returns the middle of the image, px.
-    #[must_use]
     pub fn middle_px(&self) -> [f64; 2] {
         self.size_px.map(|side| 0.5 * (side as f64 - 1.0))
     }
 
     /// Returns a place in half diagonals from the middle, right and down.
-    #[must_use]
     pub fn half_diagonals(&self, px: [f64; 2]) -> DVec2 {
         let middle = DVec2::from_array(self.middle_px());
         (DVec2::from_array(px) - middle) / (0.5 * (self.size_px[0] as f64).hypot(self.size_px[1] as f64))
     }
 
     /// Returns true when a square of `half` pixels about a place is inside the image.
-    #[must_use]
     pub fn holds(&self, px: [f64; 2], half: i64) -> bool {
         let half = half as f64 + 0.5;
         (0..2).all(|i| px[i].is_finite() && px[i] >= half && px[i] <= self.size_px[i] as f64 - 1.0 - half)

@@ -66,7 +66,6 @@ pub struct FittedPsf {
 
 impl Shape {
     /// Returns the PSF.
-    #[must_use]
     pub fn model(&self) -> PsfModel {
         match *self {
             Self::Gaussian { sigma_px } => PsfModel::gaussian(sigma_px),
@@ -94,7 +93,6 @@ fn alpha_px(fwhm_px: f64, beta: f64) -> f64 {
 }
 
 /// Returns the best PSF for the brightest isolated, unsaturated spots; `None` when there are too few.
-#[must_use]
 pub fn fit(plate: &Plate<'_>, spots: &[Spot], start_sigma_px: f64) -> Option<FittedPsf> {
     let mut chosen: Vec<Spot> = spots.iter().filter(|spot| is_good(spot, spots)).copied().collect();
     chosen.sort_by(|a, b| b.flux_dn.total_cmp(&a.flux_dn));

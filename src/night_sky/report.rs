@@ -22,7 +22,6 @@ pub fn json(compared: &[Compared]) -> serde_json::Result<String> {
 }
 
 /// Returns the figures as text; the first line is the verdict.
-#[must_use]
 pub fn text(compared: &[Compared]) -> String {
     let mut text = verdict(compared);
     text.push('\n');

@@ -334,7 +334,6 @@ fn failures(of: &Comparison) -> Vec<String> {
 }
 
 /// Returns the most outliers among so many stars, known variables aside.
-#[must_use]
 pub fn most_outliers(stars: usize) -> usize {
     one_and_share(MOST_OUTLIERS, stars)
 }

@@ -37,7 +37,6 @@ const JULIAN_YEAR_S: f64 = 365.25 * 86_400.0;
 
 impl When {
     /// Returns the time: that of the exposure, or the catalog's epoch.
-    #[must_use]
     pub fn time(&self) -> Tai {
         self.at.unwrap_or_else(|| {
             let zero = Tai::from_unix_ns(0);
@@ -46,7 +45,6 @@ impl When {
     }
 
     /// Returns who looks: from the Earth at a known time, else from the barycentre, which has no aberration.
-    #[must_use]
     pub fn observer(&self) -> Observer {
         if self.at.is_some() { Observer::Geocentre } else { Observer::Barycentre }
     }
@@ -63,7 +61,6 @@ impl When {
 }
 
 /// Returns a source of the catalog as it is seen.
-#[must_use]
 pub fn seen(source: &CatalogSource, places: &ApparentPlaces) -> SkyStar {
     SkyStar {
         id: source.id,

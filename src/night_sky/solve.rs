@@ -39,7 +39,6 @@ pub struct BrightSky {
 impl BrightSky {
     /// Takes the brightest of `stars` (brightest first): as many as fields of `solid_angle` (steradian) need; pairs up
     /// to `widest_rad`.
-    #[must_use]
     pub fn new(stars: &[SkyStar], solid_angle: f64, widest_rad: f64) -> Self {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a number of stars")]
         let wanted = |i: usize| (STARS_PER_FIELD[i] * 4.0 * core::f64::consts::PI / solid_angle) as usize;
@@ -77,7 +76,6 @@ impl BrightSky {
 
     /// Returns the attitude of a camera whose detections have these directions in its axes, and the number of stars
     /// that agree; `start` has its geometry.
-    #[must_use]
     pub fn solve(&self, start: &Geometry, found: &[(Detection, DVec3)], tolerance: f64) -> Option<(Geometry, usize)> {
         let paired = &found[..found.len().min(PAIRED)];
         for last in 1..paired.len() {

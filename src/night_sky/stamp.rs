@@ -17,7 +17,6 @@ pub struct Stamp {
 
 impl Stamp {
     /// Tabulates a PSF (in the middle of the detector, where it depends on the place).
-    #[must_use]
     pub fn of(psf: &PsfModel) -> Self {
         let at = |i: usize| i as f64 / PER_PX as f64;
         let mut table = vec![0.0; SIDE * SIDE];
@@ -32,7 +31,6 @@ impl Stamp {
     }
 
     /// Returns the share of a star's light in the pixel whose middle is so far from the star, px.
-    #[must_use]
     pub fn at(&self, x_px: f64, y_px: f64) -> f64 {
         let [x, y] = [x_px, y_px].map(|v| v.abs() * PER_PX as f64);
         let most = (REACH_PX * PER_PX) as f64;

@@ -33,7 +33,6 @@ impl Variable {
     }
 
     /// Returns the star in words.
-    #[must_use]
     pub fn words(&self) -> String {
         let [brightest, faintest] = self.range_v;
         format!("variable {}, type {}, V {brightest} to {faintest}", self.name, self.kind)
@@ -41,7 +40,6 @@ impl Variable {
 }
 
 /// Returns the Hipparcos number of a star by its name in its source catalog.
-#[must_use]
 pub fn hipparcos(name: SourceId) -> Option<u32> {
     match name {
         SourceId::Hipparcos(number) => Some(number),
@@ -51,7 +49,6 @@ pub fn hipparcos(name: SourceId) -> Option<u32> {
 }
 
 /// Returns the variable star of a Hipparcos number.
-#[must_use]
 pub fn variable(hipparcos: u32) -> Option<Variable> {
     TABLE.lines().filter_map(Variable::of).find(|(number, _)| *number == hipparcos).map(|(_, star)| star)
 }

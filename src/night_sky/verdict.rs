@@ -4,7 +4,6 @@ use crate::compare::Compared;
 use crate::result::Comparison;
 
 /// Returns the verdict: one line.
-#[must_use]
 pub fn verdict(compared: &[Compared]) -> String {
     let good = compared.iter().filter(|one| one.result.agrees).count();
     if good == compared.len() {

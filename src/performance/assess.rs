@@ -39,7 +39,6 @@ pub struct Assessment {
 }
 
 /// Returns everything that the cases say.
-#[must_use]
 pub fn assess(cases: &[Case], settings: &Settings) -> Assessment {
     let Settings { confidence, probability, false_limit, .. } = *settings;
     let judged: Vec<JudgedCase> = cases.iter().map(|case| case.judged(&false_limit)).collect();

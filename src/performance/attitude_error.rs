@@ -6,7 +6,6 @@ use glam::{DQuat, DVec3};
 
 /// Returns the turn from the true frame to the measured one, rad, sensor axes: -2 times the vector part of `q_meas
 /// q_true*` where it is small, and the whole rotation vector where it is not.
-#[must_use]
 pub fn attitude_error(measured: DQuat, truth: DQuat) -> DVec3 {
     let difference = measured * truth.conjugate();
     let difference = if difference.w < 0.0 { -difference } else { difference };
@@ -19,13 +18,11 @@ pub fn attitude_error(measured: DQuat, truth: DQuat) -> DVec3 {
 }
 
 /// Returns the attitude of a frame that has turned by `turn_rad`, a rotation vector in its own axes.
-#[must_use]
 pub fn turned(attitude: DQuat, turn_rad: DVec3) -> DQuat {
     (DQuat::from_scaled_axis(-turn_rad) * attitude).normalize()
 }
 
 /// Returns the error of directions, across the boresight.
-#[must_use]
 pub fn directional(error_rad: DVec3) -> f64 {
     error_rad.x.hypot(error_rad.y)
 }

@@ -134,7 +134,6 @@ impl Attitudes {
     }
 
     /// Returns the number of attitudes.
-    #[must_use]
     pub fn count(&self) -> u32 {
         match *self {
             Self::Fixed { .. } => 1,
@@ -147,7 +146,6 @@ impl Attitudes {
     }
 
     /// Returns the condition that the sweep of angles from a body is.
-    #[must_use]
     pub fn angle_key(&self) -> Option<&'static str> {
         match self {
             Self::FromSun { .. } => Some(SUN_ANGLE),
@@ -158,7 +156,6 @@ impl Attitudes {
     }
 
     /// Returns true where the places of Moon or Earth are needed.
-    #[must_use]
     pub(crate) fn is_about_moon_or_earth(&self) -> bool {
         matches!(self, Self::FromMoon { .. } | Self::FromEarth { .. })
     }

@@ -96,7 +96,6 @@ pub(crate) const RECOVERY: Kind = Kind {
 };
 
 /// Returns acquisition of attitudes lost in space, else of the beginning of a run.
-#[must_use]
 pub fn acquisition(cases: &[JudgedCase], confidence: f64, probability: f64) -> Vec<Metric> {
     let has_lost = cases.iter().any(|case| case.purpose == Use::LostInSpace);
     let wanted = if has_lost { Use::LostInSpace } else { Use::Run };
@@ -136,7 +135,6 @@ fn since_start_s(first: &Judged, solved: &Judged) -> f64 {
 }
 
 /// Returns tracking of all undisturbed cases together, and false solutions of all cases.
-#[must_use]
 pub fn tracking(cases: &[JudgedCase], confidence: f64) -> Vec<Metric> {
     let counts = cases.iter().filter(|case| CALM.contains(&case.purpose)).map(tracked);
     let (right, all) = counts.fold((0, 0), |sum, part| (sum.0 + part.0, sum.1 + part.1));
@@ -150,7 +148,6 @@ pub fn tracking(cases: &[JudgedCase], confidence: f64) -> Vec<Metric> {
 }
 
 /// Returns tracking, losses and recovery of one case.
-#[must_use]
 pub fn tracking_of_case(case: &JudgedCase, confidence: f64) -> Vec<Metric> {
     let name = Some(case.name.as_str());
     let (right, all) = tracked(case);

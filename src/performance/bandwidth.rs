@@ -42,7 +42,6 @@ const FEWEST: usize = 8;
 const LEAST_DETERMINANT: f64 = 0.01;
 
 /// Returns the bandwidth of the cases that are flown for it.
-#[must_use]
 pub fn bandwidth(cases: &[JudgedCase], confidence: f64) -> Vec<Metric> {
     let of = cases.iter().filter_map(|case| Some((frequency_hz(case)?, ratio(case, confidence)?)));
     let mut ratios: Vec<(f64, Estimate)> = of.collect();
@@ -62,7 +61,6 @@ pub fn bandwidth(cases: &[JudgedCase], confidence: f64) -> Vec<Metric> {
 }
 
 /// Returns the amplitude ratio of one case that is flown for it.
-#[must_use]
 pub fn ratio_of_case(case: &JudgedCase, confidence: f64) -> Option<Metric> {
     ratio(case, confidence).map(|ratio| RATIO.of("", Some(&case.name), ratio))
 }

@@ -33,7 +33,6 @@ const STRETCHES: usize = 20;
 const FEWEST: usize = 5;
 
 /// Returns the bias per axis and across the boresight, of attitudes where cases are flown for it, else of a run.
-#[must_use]
 pub fn bias(cases: &[JudgedCase], confidence: f64) -> Vec<Metric> {
     let of = |wanted: &[Use]| cases.iter().filter(|case| wanted.contains(&case.purpose)).collect::<Vec<_>>();
     // Directions of a grid share the field's error: they count without attitudes over the sky.
@@ -69,13 +68,11 @@ pub(crate) fn across(x: Estimate, y: Estimate) -> Estimate {
 }
 
 /// Returns the mean error of each attitude of a case.
-#[must_use]
 pub fn group_means(case: &JudgedCase) -> Vec<DVec3> {
     groups(case).into_iter().map(|errors| errors.iter().sum::<DVec3>() / errors.len() as f64).collect()
 }
 
 /// Returns the errors of each attitude of a case; attitudes without a solution are left out.
-#[must_use]
 pub fn groups(case: &JudgedCase) -> Vec<Vec<DVec3>> {
     let mut found: Vec<(u32, Vec<DVec3>)> = Vec::new();
     for frame in &case.frames {
@@ -89,13 +86,11 @@ pub fn groups(case: &JudgedCase) -> Vec<Vec<DVec3>> {
 }
 
 /// Returns the mean error of each of so many stretches of time of equal numbers of solutions.
-#[must_use]
 pub fn stretch_means(case: &JudgedCase, stretches: usize) -> Vec<DVec3> {
     stretches_of(case, stretches).into_iter().map(|(_, error)| error).collect()
 }
 
 /// Returns the mean time, s from the first frame, and mean error of each stretch.
-#[must_use]
 pub fn stretches_of(case: &JudgedCase, stretches: usize) -> Vec<(f64, DVec3)> {
     let zero_ns = case.frames.first().map_or(0, |frame| frame.truth.mid_ns);
     let t_s = |at_ns: i64| (at_ns - zero_ns) as f64 * 1e-9;

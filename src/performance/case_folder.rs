@@ -81,7 +81,6 @@ impl PlanFile {
     }
 
     /// Returns what numbers are said with.
-    #[must_use]
     pub fn settings(&self) -> Settings {
         let false_limit = FalseLimit {
             directional_arcsec: self.false_directional_arcsec,

@@ -39,7 +39,6 @@ pub(crate) const KINDS: [(&str, Kind); 3] = [
 
 /// Returns the exclusion angles of the bodies whose angles were swept: Sun and Moon from their centres, the Earth from
 /// its limb.
-#[must_use]
 pub fn exclusion_angles(cases: &[JudgedCase], settings: &Settings) -> Vec<Metric> {
     let of = |(key, kind): &(&str, Kind)| {
         let swept = cases.iter().filter(|case| case.purpose == Use::Stress);

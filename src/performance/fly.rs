@@ -95,7 +95,6 @@ impl<'a> Flight<'a> {
     }
 
     /// Returns the camera's name.
-    #[must_use]
     pub fn camera_name(&self) -> &str {
         &self.camera_name
     }

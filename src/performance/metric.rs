@@ -18,7 +18,6 @@ pub enum Reading {
 
 impl Reading {
     /// Returns its word.
-    #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Ensemble => "ensemble",
@@ -114,7 +113,6 @@ impl Kind {
     };
 
     /// Returns a metric of this kind.
-    #[must_use]
     pub fn of(&self, part: &str, case: Option<&str>, estimate: Estimate) -> Metric {
         let id = if part.is_empty() { self.id.to_owned() } else { format!("{}.{part}", self.id) };
         Metric {

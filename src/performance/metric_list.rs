@@ -55,7 +55,6 @@ pub(crate) fn kinds_of(metric: &str) -> Vec<&'static Kind> {
 }
 
 /// Returns every name, once.
-#[must_use]
 pub fn metric_names() -> Vec<String> {
     let mut names: Vec<String> = Vec::new();
     for name in KINDS.iter().flat_map(|kind| kind.names()) {
@@ -80,7 +79,6 @@ pub(crate) fn meant(unknown: &str) -> String {
 }
 
 /// Returns the table of the guide.
-#[must_use]
 pub fn metric_table() -> String {
     let mut table = "| metric | unit | cases (`use`) | how |\n|---|---|---|---|\n".to_owned();
     for (place, kind) in KINDS.iter().enumerate() {

@@ -136,7 +136,6 @@ impl ModelFigures {
     }
 
     /// Returns the figures in radians; the periods of spatial errors are those of the field and of a pixel.
-    #[must_use]
     pub fn params(&self, field_rad: f64, pixel_rad: f64) -> ModelParams {
         let radians = |arcsec: [f64; 3]| DVec3::from_array(arcsec) * ARCSEC;
         ModelParams {

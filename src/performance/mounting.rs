@@ -43,20 +43,17 @@ impl MountingDrift {
     }
 
     /// Returns the turn of the sensor a time after the first exposure, rad.
-    #[must_use]
     pub fn turn_rad(&self, t_s: f64) -> DVec3 {
         let sine = (PI * t_s / self.period_s).sin();
         DVec3::from_array(self.arcsec) * (ARCSEC * sine * sine)
     }
 
     /// Returns the attitude of the sensor from that of the axes it is aligned to.
-    #[must_use]
     pub fn sensor(&self, aligned: DQuat, t_s: f64) -> DQuat {
         turned(aligned, self.turn_rad(t_s))
     }
 
     /// Returns the attitude of the axes that the sensor is aligned to from its own.
-    #[must_use]
     pub fn aligned(&self, sensor: DQuat, t_s: f64) -> DQuat {
         turned(sensor, -self.turn_rad(t_s))
     }

@@ -52,7 +52,6 @@ struct Squares {
 }
 
 /// Returns the noise of all inertial cases together, else of a run; and the noise equivalent angle.
-#[must_use]
 pub fn temporal_noise(cases: &[JudgedCase], confidence: f64, probability: f64) -> Vec<Metric> {
     let squares = |of: &[Use], take: fn(&JudgedCase) -> Squares| {
         let parts = cases.iter().filter(|case| of.contains(&case.purpose)).map(take);
@@ -72,7 +71,6 @@ pub fn temporal_noise(cases: &[JudgedCase], confidence: f64, probability: f64) -
 }
 
 /// Returns the noise of one case by successive differences.
-#[must_use]
 pub fn noise_of_case(case: &JudgedCase, confidence: f64) -> Vec<Metric> {
     of_squares(successive(case), &SUCCESSIVE, Some(&case.name), confidence)
 }

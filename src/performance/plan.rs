@@ -284,13 +284,11 @@ impl Plan {
     }
 
     /// Returns names and purposes of all cases.
-    #[must_use]
     pub fn named_cases(&self) -> Vec<(String, Use)> {
         self.each().map(|(case, (name, _))| (name, case.purpose)).collect()
     }
 
     /// Returns the tracker's name in the report.
-    #[must_use]
     pub fn tracker_name(&self) -> String {
         let file_name = |word: &String| Path::new(word).file_name().map(|name| name.to_string_lossy().into_owned());
         self.tracker.name.clone().unwrap_or_else(|| match self.tracker.source {
@@ -313,7 +311,6 @@ impl Plan {
     }
 
     /// Returns what numbers are said with.
-    #[must_use]
     pub fn settings(&self) -> Settings {
         let (directional_arcsec, rotational_arcsec) = (self.false_directional_arcsec, self.false_rotational_arcsec);
         let false_limit = FalseLimit { directional_arcsec, rotational_arcsec };
@@ -419,7 +416,6 @@ impl PlanCase {
     }
 
     /// Returns names and values of the cases of this entry.
-    #[must_use]
     pub fn each(&self) -> Vec<(String, Option<f64>)> {
         match &self.sweep {
             None => vec![(self.name.clone(), None)],
@@ -428,7 +424,6 @@ impl PlanCase {
     }
 
     /// Returns rate and acceleration with the sweep's value, rad/s and rad/s^2.
-    #[must_use]
     pub fn motion(&self, value: Option<f64>) -> [glam::DVec3; 2] {
         let scales = self.sweep.as_ref().map_or(Scales::Nothing, |sweep| sweep.scales);
         let factor = |of: Scales| value.filter(|_| scales == of).unwrap_or(1.0);
@@ -440,7 +435,6 @@ impl PlanCase {
     }
 
     /// Returns the sine of the line of sight with the sweep's value; `None` without one.
-    #[must_use]
     pub(crate) fn sine(&self, value: Option<f64>) -> Option<Sine> {
         let scales = self.sweep.as_ref().map_or(Scales::Nothing, |sweep| sweep.scales);
         let factor = value.filter(|_| scales == Scales::Frequency).unwrap_or(1.0);
@@ -449,14 +443,12 @@ impl PlanCase {
     }
 
     /// Returns all motion of the sensor with the sweep's value.
-    #[must_use]
     pub(crate) fn whole_motion(&self, value: Option<f64>) -> CaseMotion {
         let [rate_rad_s, acceleration_rad_s2] = self.motion(value);
         CaseMotion { rate_rad_s, acceleration_rad_s2, sine: self.sine(value), drift: self.mounting_drift }
     }
 
     /// Returns the changed values of a run file, with the sweep's value in its place.
-    #[must_use]
     pub fn settings(&self, value: Option<f64>) -> Vec<String> {
         let with_value =
             |text: &String| value.map_or_else(|| text.clone(), |value| text.replace(VALUE, &toml_number(value)));
@@ -474,7 +466,6 @@ fn toml_number(value: f64) -> String {
 }
 
 /// Returns the name of a case's folder.
-#[must_use]
 pub fn folder_name(name: &str) -> String {
     name.chars().map(|c| if c.is_ascii_alphanumeric() || "-.".contains(c) { c } else { '_' }).collect()
 }

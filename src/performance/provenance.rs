@@ -70,7 +70,6 @@ impl FileHash {
     }
 
     /// Returns the hash of a text that is in no file of its own.
-    #[must_use]
     pub fn of_text(name: &str, text: &str) -> Self {
         Self { path: name.into(), sha256: hex(&Sha256::digest(text)), bytes: text.len() as u64 }
     }

@@ -54,7 +54,6 @@ impl Use {
     pub const EACH_FOR_ITSELF: &[Self] = &[Self::Run, Self::Slew, Self::Stress];
 
     /// Returns its word in files.
-    #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Run => "run",
@@ -71,7 +70,6 @@ impl Use {
     }
 
     /// Returns its name for people.
-    #[must_use]
     pub const fn words(self) -> &'static str {
         match self {
             Self::Run => "run",
@@ -172,7 +170,6 @@ pub struct Judged {
 
 impl Judged {
     /// Returns the error of a right attitude, rad.
-    #[must_use]
     pub fn error_rad(&self) -> Option<DVec3> {
         match self.fate {
             Fate::Right(error) => Some(error),
@@ -181,7 +178,6 @@ impl Judged {
     }
 
     /// Returns true for a right attitude.
-    #[must_use]
     pub fn is_right(&self) -> bool {
         self.error_rad().is_some()
     }
@@ -204,7 +200,6 @@ pub struct JudgedCase {
 
 impl Case {
     /// Returns the comparison of every frame.
-    #[must_use]
     pub fn judged(&self, limit: &FalseLimit) -> JudgedCase {
         let places: HashMap<u32, usize> = self.truth.iter().enumerate().map(|(i, row)| (row.frame, i)).collect();
         let half_ns = half_period_ns(&self.truth);

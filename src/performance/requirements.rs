@@ -71,7 +71,6 @@ pub enum Verdict {
 
 impl Verdict {
     /// Returns its words.
-    #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Met => "met",
@@ -110,7 +109,6 @@ pub enum Outcome {
 
 impl Outcome {
     /// Returns the verdict on requirements.
-    #[must_use]
     pub fn of(judgements: &[Judgement]) -> Self {
         let has = |verdict: Verdict| judgements.iter().any(|judgement| judgement.verdict == verdict);
         if has(Verdict::NotMet) {
@@ -123,7 +121,6 @@ impl Outcome {
     }
 
     /// Returns its word, with which reports begin.
-    #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
             Self::Passed => "PASSED",
@@ -165,7 +162,6 @@ impl Requirements {
     }
 
     /// Returns those that hold for every tracker: no false solution, some attitude at all.
-    #[must_use]
     pub fn usual() -> Self {
         let requirement = |id: &str, text: &str, metric: &str, most: Option<f64>, least: Option<f64>| Requirement {
             id: id.into(),
@@ -185,7 +181,6 @@ impl Requirements {
     }
 
     /// Returns the verdicts.
-    #[must_use]
     pub fn judge(&self, metrics: &[Metric], settings: &Settings) -> Vec<Judgement> {
         let judge = |requirement: &Requirement| {
             let is_meant = |metric: &&Metric| metric.id == requirement.metric && metric.case == requirement.case;

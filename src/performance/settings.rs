@@ -47,7 +47,6 @@ pub fn check_share(name: &str, got: f64) -> Result<()> {
 
 impl Settings {
     /// Returns what is wrong: each number that is out of its range.
-    #[must_use]
     pub fn errors(&self) -> Vec<anyhow::Error> {
         let Self { confidence, probability, false_limit, exclusion_noise_arcsec } = *self;
         let checks = [

@@ -63,7 +63,6 @@ const LEAST_RATE_RAD_S: f64 = 1.7e-4;
 const LEAST_DISPLACEMENT_RAD: f64 = 2.0 * ARCSEC;
 
 /// Returns the date error, of slews or of a run that turns; and the mean error of time tags.
-#[must_use]
 pub fn date_error(cases: &[JudgedCase], confidence: f64) -> Vec<Metric> {
     let of: Vec<&JudgedCase> =
         cases.iter().filter(|case| matches!(case.purpose, Use::Slew | Use::Run | Use::Stress)).collect();
@@ -82,7 +81,6 @@ pub fn date_error(cases: &[JudgedCase], confidence: f64) -> Vec<Metric> {
 }
 
 /// Returns what is left of aberration, over attitudes all over the sky.
-#[must_use]
 pub fn aberration_residual(cases: &[JudgedCase], confidence: f64) -> Vec<Metric> {
     let of: Vec<&JudgedCase> =
         cases.iter().filter(|case| matches!(case.purpose, Use::LostInSpace | Use::Inertial | Use::Run)).collect();
@@ -134,7 +132,6 @@ fn spread(points: &[[f64; 2]]) -> f64 {
 }
 
 /// Returns drift per axis, of the cases that are flown for it, else of a run.
-#[must_use]
 pub fn drift(cases: &[JudgedCase], confidence: f64) -> Vec<Metric> {
     let of = |purpose: Use| cases.iter().find(|case| case.purpose == purpose);
     let Some(case) = of(Use::Drift).or_else(|| of(Use::Run)) else { return Vec::new() };

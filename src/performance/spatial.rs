@@ -30,7 +30,6 @@ pub(crate) const FOV: Kind = Kind {
 };
 
 /// Returns both spatial errors per axis, of the cases that are flown for them.
-#[must_use]
 pub fn spatial_errors(cases: &[JudgedCase], confidence: f64) -> Vec<Metric> {
     let mut found = Vec::new();
     for (axis, name) in AXES.iter().enumerate() {

@@ -27,7 +27,6 @@ impl Estimate {
 }
 
 /// Returns the mean of independent values; `None` with fewer than two.
-#[must_use]
 pub fn mean(values: &[f64], confidence: f64) -> Option<Estimate> {
     let (value, variance) = moments(values)?;
     let dof = values.len() as f64 - 1.0;
@@ -36,7 +35,6 @@ pub fn mean(values: &[f64], confidence: f64) -> Option<Estimate> {
 }
 
 /// Returns mean and variance (divided by n - 1); `None` with fewer than two values.
-#[must_use]
 pub fn moments(values: &[f64]) -> Option<(f64, f64)> {
     if values.len() < 2 {
         return None;
@@ -48,7 +46,6 @@ pub fn moments(values: &[f64]) -> Option<(f64, f64)> {
 }
 
 /// Returns the standard deviation of a variance known with `dof` degrees of freedom.
-#[must_use]
 pub fn sigma(variance: f64, dof: f64, confidence: f64) -> Option<Estimate> {
     if !(dof > 0.0 && variance >= 0.0) {
         return None;
@@ -60,7 +57,6 @@ pub fn sigma(variance: f64, dof: f64, confidence: f64) -> Option<Estimate> {
 }
 
 /// Returns a share of successes with its exact interval (Clopper and Pearson, 1934); `None` without trials.
-#[must_use]
 pub fn share(successes: u64, trials: u64, confidence: f64) -> Option<Estimate> {
     if trials == 0 || successes > trials {
         return None;
@@ -73,7 +69,6 @@ pub fn share(successes: u64, trials: u64, confidence: f64) -> Option<Estimate> {
 
 /// Returns the confidence that the probability of success is at least `probability`, by ECSS-E-ST-60-20C annex E:
 /// `L = I_(1-P)(n_fail + 1, n_sim - n_fail + 1)`.
-#[must_use]
 pub fn confidence_of(probability: f64, failures: u64, trials: u64) -> f64 {
     if trials < failures || !(0.0..1.0).contains(&probability) {
         return 0.0;
@@ -82,7 +77,6 @@ pub fn confidence_of(probability: f64, failures: u64, trials: u64) -> f64 {
 }
 
 /// Returns the fewest trials without a failure that show `probability` with `confidence`.
-#[must_use]
 pub fn fewest_trials(probability: f64, confidence: f64) -> u64 {
     (0..10_000_000).find(|trials| confidence_of(probability, 0, *trials) >= confidence).unwrap_or(u64::MAX)
 }
@@ -97,7 +91,6 @@ pub struct Line {
 }
 
 /// Fits a line by least squares; `None` with fewer than three points or no spread of x.
-#[must_use]
 pub fn line(points: &[[f64; 2]], confidence: f64) -> Option<Line> {
     let n = points.len() as f64;
     if points.len() < 3 {
@@ -116,7 +109,6 @@ pub fn line(points: &[[f64; 2]], confidence: f64) -> Option<Line> {
 }
 
 /// Returns a quantile of values with the interval of order statistics; `None` without values.
-#[must_use]
 pub fn quantile(values: &[f64], probability: f64, confidence: f64) -> Option<Estimate> {
     let mut sorted: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
     sorted.sort_by(f64::total_cmp);
@@ -149,26 +141,22 @@ fn binomial_below(rank: u64, n: u64, probability: f64) -> f64 {
 }
 
 /// Returns the two-sided factor of Student's distribution; `None` without degrees of freedom.
-#[must_use]
 pub fn t_quantile(confidence: f64, dof: f64) -> Option<f64> {
     let distribution = StudentsT::new(0.0, 1.0, dof).ok()?;
     Some(distribution.inverse_cdf(0.5 * (1.0 + confidence)))
 }
 
 /// Returns a quantile of chi-square.
-#[must_use]
 pub fn chi_square_quantile(probability: f64, dof: f64) -> Option<f64> {
     Some(ChiSquared::new(dof).ok()?.inverse_cdf(probability))
 }
 
 /// Returns a quantile of the ratio of two variances with these degrees of freedom (Fisher and Snedecor).
-#[must_use]
 pub fn f_quantile(probability: f64, dof: f64, dof_below: f64) -> Option<f64> {
     Some(FisherSnedecor::new(dof, dof_below).ok()?.inverse_cdf(probability))
 }
 
 /// Returns a quantile of the standard normal distribution.
-#[must_use]
 pub fn normal_quantile(probability: f64) -> f64 {
     Normal::standard().inverse_cdf(probability)
 }

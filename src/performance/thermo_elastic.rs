@@ -28,7 +28,6 @@ const INTERVALS: usize = 5;
 const FEWEST: usize = 5;
 
 /// Returns the error per axis and across the boresight, of the case that is flown for it.
-#[must_use]
 pub fn thermo_elastic(cases: &[JudgedCase], confidence: f64) -> Vec<Metric> {
     let Some(case) = cases.iter().find(|case| case.purpose == Use::ThermoElastic) else { return Vec::new() };
     let means = group_means(case);

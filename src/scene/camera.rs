@@ -51,7 +51,6 @@ pub struct CameraParams {
 
 impl CameraParams {
     /// Returns the number of bits of an image's values: the converter's, or more where values are summed.
-    #[must_use]
     pub fn output_bits(&self) -> u32 {
         let summed = match self.detector.spatial.binning {
             Some(Binning { factor, kind: BinningKind::DigitalSum }) => factor * factor,
@@ -72,13 +71,11 @@ impl CameraParams {
     }
 
     /// Returns facts that readers of its images need.
-    #[must_use]
     pub fn facts(&self) -> CameraFacts {
         self.facts_of(&Levels::of_output(&self.detector))
     }
 
     /// Returns the same facts for an image with these levels.
-    #[must_use]
     pub fn facts_of(&self, levels: &Levels) -> CameraFacts {
         let full_dn = levels.black_level_dn + levels.full_well_e / levels.gain_e_per_dn;
         CameraFacts {
@@ -92,7 +89,6 @@ impl CameraParams {
     }
 
     /// Returns the camera in the form used by the planner.
-    #[must_use]
     pub fn instrument(&self) -> Instrument {
         Instrument {
             camera: self.geometry,
@@ -108,32 +104,27 @@ impl CameraParams {
 
 impl CameraParams {
     /// Returns the columns and rows of the sensor, on which light is drawn.
-    #[must_use]
     pub fn sensor_px(&self) -> [usize; 2] {
         [self.geometry.width_px(), self.geometry.height_px()]
     }
 
     /// Returns the positions on the sensor of the pixels of the output image, and its size.
-    #[must_use]
     pub fn output(&self) -> OutputGeometry {
         self.detector.spatial.output(self.sensor_px())
     }
 
     /// Returns where the pixels of an image before the detector are on the sensor.
-    #[must_use]
     pub fn whole_sensor(&self) -> OutputGeometry {
         OutputGeometry::whole(self.sensor_px())
     }
 
     /// Returns the predicted time of the detector, ms.
-    #[must_use]
     pub fn predicted_readout_ms(&self, cost: &CostModel) -> f64 {
         let [width, height] = [self.geometry.width_px(), self.geometry.height_px()];
         cost.readout_ms(width * height) * detector::cost::factor(&self.detector, &self.patterns, width)
     }
 
     /// Returns the share of that time that these regions of the image take on a CPU.
-    #[must_use]
     pub fn readout_share(&self, regions: &Regions) -> f64 {
         detector::cost::share_of(&self.detector, &self.output().sensor_regions(regions), self.sensor_px())
     }

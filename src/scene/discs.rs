@@ -53,7 +53,6 @@ pub enum Law {
 
 impl Law {
     /// Returns the radiance for the cosines of incidence and emergence.
-    #[must_use]
     pub fn radiance(self, incidence: f64, emergence: f64) -> f64 {
         match self {
             _ if incidence <= 0.0 => 0.0,
@@ -63,7 +62,6 @@ impl Law {
     }
 
     /// Returns the radiance integrated over a distant sphere's disc of unit radius, at a phase angle.
-    #[must_use]
     pub fn over_disc(self, phase_rad: f64) -> f64 {
         let a = phase_rad.clamp(0.0, PI);
         match self {
@@ -107,7 +105,6 @@ pub struct Drawn {
 
 /// Returns the error at a sharp edge, as a share of the disc's level, for cells of `step_px` and a PSF that falls like
 /// a Gaussian.
-#[must_use]
 pub fn edge_error(step_px: f64, sigma_px: f64) -> f64 {
     // Steepest slope of a Gaussian line spread, integrated over a pixel, whose variance is 1/12 more.
     let variance = sigma_px * sigma_px + 1.0 / 12.0;
@@ -116,7 +113,6 @@ pub fn edge_error(step_px: f64, sigma_px: f64) -> f64 {
 
 /// Returns the ripple of a uniform disc, as a share of its level, drawn by cells of `step_px`, with such a PSF: zero up
 /// to a pixel, because such cells divide it.
-#[must_use]
 pub fn ripple(step_px: f64, sigma_px: f64) -> f64 {
     if step_px <= 1.0 {
         return 0.0;

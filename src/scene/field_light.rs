@@ -19,7 +19,6 @@ pub struct FieldLight {
 
 impl FieldLight {
     /// Returns the light for `camera` and this observer.
-    #[must_use]
     pub fn new(camera: &CameraParams, observer: ObserverTrack) -> Self {
         let light = camera.background.clone();
         let observer = light.needs_bodies().then_some(observer);
@@ -95,7 +94,6 @@ fn electrons(rates: &BackgroundRates, exposure_s: f64) -> Background {
 
 /// Returns the relative illumination of every pixel, if the camera has an uneven one and a background to multiply:
 /// computed once, before the first frame. `None` for uniform illumination or without background.
-#[must_use]
 #[allow(clippy::cast_possible_truncation, reason = "the detector works in single precision")]
 pub fn illumination_map(camera: &CameraParams) -> Option<Vec<f32>> {
     let has_sky = camera.background.sky_e_per_s != 0.0 || !camera.background.sky.is_dark();

@@ -19,7 +19,6 @@ pub struct Occultation {
 
 impl Occultation {
     /// Returns the bodies whose limb comes within `radius_rad` of the boresight.
-    #[must_use]
     pub fn in_field(standpoint: &Standpoint, boresight_icrf: DVec3, radius_rad: f64) -> Self {
         let is_near = |body: &Spheroid| {
             body.apparent_centre().angle_between(boresight_icrf) < body.angular_radius_rad() + radius_rad
@@ -28,19 +27,16 @@ impl Occultation {
     }
 
     /// Returns true when nothing in the field is hidden.
-    #[must_use]
     pub fn is_none(&self) -> bool {
         self.bodies.iter().all(Option::is_none)
     }
 
     /// Returns true when a body nearer than `range_km` hides this apparent direction (unit).
-    #[must_use]
     pub fn hides(&self, apparent_icrf: DVec3, range_km: f64) -> bool {
         self.bodies.iter().flatten().any(|body| lies_before(body, apparent_icrf, range_km))
     }
 
     /// Returns the same for the Moon alone.
-    #[must_use]
     pub fn moon_hides(&self, apparent_icrf: DVec3, range_km: f64) -> bool {
         self.bodies[1].is_some_and(|moon| lies_before(&moon, apparent_icrf, range_km))
     }

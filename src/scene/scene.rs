@@ -73,7 +73,6 @@ pub struct SceneReport {
 
 impl Scene {
     /// Returns the scene of a camera, with the stars of `sky`.
-    #[must_use]
     pub fn new(params: &SceneParams<'_>, sky: &Sky) -> Self {
         let SceneParams { camera, almanac, .. } = *params;
         let observer = || ObserverTrack::with_almanac(params.observer.clone(), almanac.clone());
@@ -104,7 +103,6 @@ impl Scene {
     }
 
     /// Returns true when the observer's states come from outside, and the nearest is far from an instant.
-    #[must_use]
     pub fn is_observer_far(&self, at: Tai) -> bool {
         self.stars.observer().is_far(at)
     }
@@ -157,7 +155,6 @@ impl Scene {
     }
 
     /// Returns the sources of the latest exposure.
-    #[must_use]
     pub fn sources(&self) -> &[Source] {
         match &self.bodies {
             _ if !self.has_stars => &[],
@@ -169,7 +166,6 @@ impl Scene {
 
 impl SceneReport {
     /// Returns the number of missing stars, including those too faint for the camera.
-    #[must_use]
     pub fn missing_stars(&self) -> usize {
         usize::try_from(self.shortfall.late_stars + self.shortfall.crowded_out_stars).unwrap_or(usize::MAX)
     }

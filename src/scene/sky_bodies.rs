@@ -96,7 +96,6 @@ pub struct SkyBodies {
 
 impl SkyBodies {
     /// Returns the bodies for `camera` and this observer.
-    #[must_use]
     pub fn new(camera: &CameraParams, observer: ObserverTrack) -> Self {
         let body_camera = BodyCamera {
             geometry: camera.geometry,
@@ -108,7 +107,6 @@ impl SkyBodies {
     }
 
     /// Returns the bodies for a camera given by the needed parameters only.
-    #[must_use]
     pub fn through(camera: BodyCamera, observer: ObserverTrack) -> Self {
         Self {
             observer,
@@ -126,13 +124,11 @@ impl SkyBodies {
     }
 
     /// Returns all sources to draw in the latest frame.
-    #[must_use]
     pub fn sources(&self) -> &[Source] {
         &self.sources
     }
 
     /// Returns the counts of the latest frame.
-    #[must_use]
     pub fn counts(&self) -> BodyCounts {
         self.counts
     }
@@ -181,7 +177,6 @@ impl SkyBodies {
     }
 
     /// Returns the bodies that hide others in the latest frame's field.
-    #[must_use]
     pub fn before(&self) -> &Occultation {
         &self.before
     }
@@ -311,7 +306,6 @@ impl SkyBodies {
 }
 
 /// Returns every body as seen from there, the Sun first.
-#[must_use]
 pub fn seen_from(standpoint: &Standpoint) -> Vec<SeenBody> {
     let mut all = vec![seen_sun(standpoint)];
     all.extend(standpoint.moon().map(|moon| seen_moon(standpoint, &moon)));

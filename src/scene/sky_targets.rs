@@ -101,7 +101,6 @@ pub struct SkyTargets {
 
 impl SkyTargets {
     /// Returns `targets` seen through a camera by this observer.
-    #[must_use]
     pub fn new(camera: &CameraParams, observer: ObserverTrack, targets: Vec<SkyTarget>) -> Self {
         Self::with_optics(camera.geometry, camera.shutter, camera.radiometry.clone(), observer, targets)
     }
@@ -128,7 +127,6 @@ impl SkyTargets {
     }
 
     /// Returns the targets.
-    #[must_use]
     pub fn targets(&self) -> &[SkyTarget] {
         &self.targets
     }
@@ -176,19 +174,16 @@ impl SkyTargets {
     }
 
     /// Returns the targets of the latest exposure.
-    #[must_use]
     pub fn in_view(&self) -> &[Target] {
         &self.in_view
     }
 
     /// Returns the facts at mid-exposure, in the same order.
-    #[must_use]
     pub fn facts(&self) -> &[TargetFacts] {
         &self.facts
     }
 
     /// Returns true when the error of a trajectory may exceed [`WAY_BUDGET_PX`].
-    #[must_use]
     pub fn is_coarse(&self) -> bool {
         self.is_coarse
     }

@@ -51,7 +51,6 @@ const AHEAD: Span = Span::from_ms(2000);
 
 impl SkyView {
     /// Returns the stars of `sky` through `camera` where `observer` flies.
-    #[must_use]
     pub fn new(camera: &CameraParams, observer: ObserverTrack, sky: &Sky) -> Self {
         let [ifov_x, ifov_y] = camera.geometry.ifov_rad();
         let field_rad = camera.geometry.half_diagonal_rad() + MARGIN_PX * ifov_x.max(ifov_y);
@@ -97,19 +96,16 @@ impl SkyView {
     }
 
     /// Returns true when the thread that reads tiles has failed.
-    #[must_use]
     pub fn has_lost_reader(&self) -> bool {
         self.tiles.has_lost_reader()
     }
 
     /// Returns the stars missing from the latest field.
-    #[must_use]
     pub fn shortfall(&self) -> Shortfall {
         self.shortfall
     }
 
     /// Returns its observer.
-    #[must_use]
     pub fn observer(&self) -> &ObserverTrack {
         &self.observer
     }
@@ -120,7 +116,6 @@ impl SkyView {
     }
 
     /// Returns the effect of the observer on directions at the latest exposure; `None` before the first.
-    #[must_use]
     pub fn sight(&self) -> Option<&Sight> {
         self.sight.as_ref()
     }
@@ -135,14 +130,12 @@ impl SkyView {
     }
 
     /// Returns the sources of the latest call.
-    #[must_use]
     pub fn found(&self) -> &[Source] {
         &self.sources
     }
 
     /// Returns the name in its source catalog of a source of the latest call, by its `id`; `None` when it has none.
     /// Reads no file and allocates nothing.
-    #[must_use]
     pub fn source_id(&self, id: u32) -> Option<SourceId> {
         self.tiles.source_id(id)
     }

@@ -68,7 +68,6 @@ impl Day {
 
 impl Almanac {
     /// Prepares the days from `first` to `last`, and those that light time and exposures reach: [`MOST_DAYS`] at most.
-    #[must_use]
     pub fn over(first: Tai, last: Tai) -> Self {
         let day = (first.days_tdb_since_j2000() - LIGHT_D).floor();
         let end = (last.days_tdb_since_j2000() + AFTER_D).floor() + 1.0;
@@ -77,19 +76,16 @@ impl Almanac {
     }
 
     /// Returns how often a day was evaluated where it was asked for, because it was not prepared.
-    #[must_use]
     pub fn evaluated(&self) -> u64 {
         self.0.evaluated.load(Ordering::Relaxed)
     }
 
     /// Returns the barycentric state of the Earth's centre, ICRF axes.
-    #[must_use]
     pub fn earth(&self, at: Tai) -> BarycentricState {
         self.between_days(at.days_tdb_since_j2000(), |day| day.earth)
     }
 
     /// Returns the barycentric state of the Sun's centre, ICRF axes.
-    #[must_use]
     pub fn sun(&self, at: Tai) -> BarycentricState {
         let days = at.days_tdb_since_j2000();
         let noon = self.on(days.floor(), |day| day.sun);
@@ -99,7 +95,6 @@ impl Almanac {
 
     /// Returns the position of a planet from the Sun, days of TDB since J2000: by the table in its span, else by the
     /// cubic.
-    #[must_use]
     pub fn planet_km(&self, planet: Planet, days: f64) -> DVec3 {
         let by_table = ephemeris::state(planet.number(), days);
         by_table.unwrap_or_else(|| self.between_days(days, |day| day.planets[planet as usize])).position_km

@@ -54,14 +54,12 @@ pub struct Standpoint {
 
 impl Standpoint {
     /// Returns the Earth's surface (WGS 84 ellipsoid); `None` for an observer below it.
-    #[must_use]
     pub fn earth(&self) -> Option<Spheroid> {
         let is_outside = self.from_earth.position_km.length() > EARTH_RADIUS_KM;
         is_outside.then(|| Spheroid::seen_from(&self.from_earth, self.earth_axis, EARTH_RADIUS_KM, EARTH_FLATTENING))
     }
 
     /// Returns the Moon's surface (a sphere); `None` for an observer below it.
-    #[must_use]
     pub fn moon(&self) -> Option<Spheroid> {
         let is_outside = self.from_moon.position_km.length() > moon::RADIUS_KM;
         is_outside.then(|| Spheroid::seen_from(&self.from_moon, DVec3::Z, moon::RADIUS_KM, 0.0))
@@ -69,7 +67,6 @@ impl Standpoint {
 
     /// Returns a planet where its light left: from the Sun and from the observer, km. The aberration of stars is still
     /// to come.
-    #[must_use]
     pub fn planet_km(&self, planet: Planet) -> [DVec3; 2] {
         let from_sun_km = self.planets_from_sun_km[planet as usize];
         [from_sun_km, from_sun_km - self.from_sun_km]

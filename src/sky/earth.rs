@@ -31,7 +31,6 @@ const EQUATORIAL_FROM_VSOP87: [[f64; 3]; 3] = [
 
 /// Returns the barycentric state of the Earth's centre, ICRF axes: three evaluations of the series, 0.3 to 0.8 ms.
 /// Frames use [`crate::almanac`].
-#[must_use]
 pub fn barycentric_state(at: Tai) -> BarycentricState {
     state_on_day(at.days_tdb_since_j2000())
 }

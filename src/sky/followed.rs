@@ -31,7 +31,6 @@ pub struct FollowedStates {
 
 impl FollowedStates {
     /// Returns the states of an observer about a body, none yet; `None` is the barycentre.
-    #[must_use]
     pub fn new(about: Option<CentralBody>) -> Self {
         Self { about, states: VecDeque::with_capacity(KEPT) }
     }
@@ -88,7 +87,6 @@ impl FollowedStates {
     }
 
     /// Returns true when an instant is further than [`FAR`] from every state.
-    #[must_use]
     pub fn is_far(&self, at: Tai) -> bool {
         let after = self.states.partition_point(|(epoch, _)| *epoch <= at);
         let nearest = [after.checked_sub(1), Some(after)].into_iter().flatten();

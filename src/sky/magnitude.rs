@@ -36,20 +36,17 @@ pub struct Lighting {
 
 impl Lighting {
     /// Returns the angle at the body between Sun and observer, rad.
-    #[must_use]
     pub fn phase_rad(&self) -> f64 {
         self.from_sun_km.angle_between(self.from_observer_km)
     }
 
     /// Returns the share of its disc that is lit.
-    #[must_use]
     pub fn lit_share(&self) -> f64 {
         0.5 * (1.0 + self.phase_rad().cos())
     }
 }
 
 /// Returns the v of the Moon.
-#[must_use]
 pub fn moon_v(lighting: &Lighting) -> f64 {
     let phase_deg = lighting.phase_rad() / DEG;
     let (sun_km, observer_km) = (lighting.from_sun_km.length(), lighting.from_observer_km.length());
@@ -60,7 +57,6 @@ pub fn moon_v(lighting: &Lighting) -> f64 {
 }
 
 /// Returns the v of a planet; `year` is the Julian year.
-#[must_use]
 pub fn planet_v(planet: Planet, lighting: &Lighting, year: f64) -> f64 {
     let [sun_au, observer_au] = [lighting.from_sun_km, lighting.from_observer_km].map(|km| km.length() / AU_KM);
     let phase_deg = (lighting.phase_rad() / DEG).min(most_phase_deg(planet));
@@ -68,7 +64,6 @@ pub fn planet_v(planet: Planet, lighting: &Lighting, year: f64) -> f64 {
 }
 
 /// Returns the largest phase angle that a planet's magnitudes were measured at, deg.
-#[must_use]
 pub const fn most_phase_deg(planet: Planet) -> f64 {
     match planet {
         Planet::Mercury => 169.5,

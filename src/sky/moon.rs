@@ -65,21 +65,18 @@ const NUMBER: u32 = 10;
 const HALF_STEP_S: f64 = 600.0;
 
 /// Returns the method that computes positions at `at`.
-#[must_use]
 pub fn method(at: Tai) -> Method {
     Method::on_day(at.days_tdb_since_j2000())
 }
 
 /// Returns the position from the Earth's centre, ICRF axes, km. Does not allocate; below a microsecond by the table, a
 /// few by the series.
-#[must_use]
 pub fn geocentric_km(at: Tai) -> DVec3 {
     let by_table = ephemeris::state(NUMBER, at.days_tdb_since_j2000());
     by_table.map_or_else(|| by_series_km(at), |state| state.position_km)
 }
 
 /// Returns the position and velocity from the Earth's centre, ICRF axes.
-#[must_use]
 pub fn geocentric_state(at: Tai) -> BarycentricState {
     ephemeris::state(NUMBER, at.days_tdb_since_j2000()).unwrap_or_else(|| {
         let half = Span::from_s(HALF_STEP_S);

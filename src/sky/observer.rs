@@ -40,7 +40,6 @@ pub enum Observer {
 
 impl Observer {
     /// Returns the body it is about; `None` at the barycentre.
-    #[must_use]
     pub fn about(&self) -> Option<CentralBody> {
         match self {
             Self::Barycentre => None,
@@ -110,13 +109,11 @@ pub struct ObserverTrack {
 
 impl ObserverTrack {
     /// Follows `observer`, ready for instants near `at`.
-    #[must_use]
     pub fn new(observer: Observer, at: Tai) -> Self {
         Self::with_almanac(observer, Almanac::over(at, at))
     }
 
     /// Follows `observer` over the days of `almanac`.
-    #[must_use]
     pub fn with_almanac(observer: Observer, almanac: Almanac) -> Self {
         Self { observer, followed: None, almanac }
     }
@@ -133,25 +130,21 @@ impl ObserverTrack {
 
     /// Returns true when states come from outside, and the nearest is so far from an instant that its state is
     /// predicted.
-    #[must_use]
     pub fn is_far(&self, at: Tai) -> bool {
         self.followed.as_ref().is_some_and(|states| states.is_far(at))
     }
 
     /// Returns the body the observer is about; `None` at the barycentre.
-    #[must_use]
     pub fn about(&self) -> Option<CentralBody> {
         self.observer.about()
     }
 
     /// Returns true for an observer at rest at the barycentre, for whom no light is bent and no body is near.
-    #[must_use]
     pub fn is_barycentre(&self) -> bool {
         self.followed.is_none() && matches!(self.observer, Observer::Barycentre)
     }
 
     /// Returns true for an observer at the Earth's centre, who does not see the Earth.
-    #[must_use]
     pub fn is_geocentre(&self) -> bool {
         self.followed.is_none() && matches!(self.observer, Observer::Geocentre)
     }
@@ -194,7 +187,6 @@ impl ObserverTrack {
     }
 
     /// Returns the barycentric state of the Sun's centre.
-    #[must_use]
     pub fn sun_state(&self, at: Tai) -> BarycentricState {
         self.almanac.sun(at)
     }

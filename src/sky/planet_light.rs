@@ -12,7 +12,6 @@ const LIGHT_STEPS: usize = 3;
 impl Planet {
     /// Returns where it was when the light left that an observer at `observer_km` from the Sun gets at `at`: from the
     /// Sun, km.
-    #[must_use]
     pub fn light_left_km(self, at: Tai, observer_km: DVec3, almanac: &Almanac) -> DVec3 {
         let days = at.days_tdb_since_j2000();
         let mut from_sun_km = almanac.planet_km(self, days);

@@ -35,7 +35,6 @@ impl Planet {
         [Self::Mercury, Self::Venus, Self::Mars, Self::Jupiter, Self::Saturn, Self::Uranus, Self::Neptune];
 
     /// Returns the number in order from the Sun, the Earth being 3.
-    #[must_use]
     pub const fn number(self) -> u32 {
         match self {
             Self::Mercury => 1,
@@ -49,7 +48,6 @@ impl Planet {
     }
 
     /// Returns its name.
-    #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Mercury => "Mercury",
@@ -63,7 +61,6 @@ impl Planet {
     }
 
     /// Radius of the sphere of its volume, km (IAU WGCCRE 2015).
-    #[must_use]
     pub const fn radius_km(self) -> f64 {
         match self {
             Self::Mercury => 2_439.4,
@@ -83,7 +80,6 @@ impl Planet {
     }
 
     /// Returns the method that computes its place at `at`.
-    #[must_use]
     pub fn method(at: Tai) -> Method {
         Method::on_day(at.days_tdb_since_j2000())
     }

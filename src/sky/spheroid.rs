@@ -41,33 +41,28 @@ pub struct SurfacePoint {
 impl Spheroid {
     /// Returns a body with this state for the observer: position from the body's centre and velocity with respect to
     /// it.
-    #[must_use]
     pub fn seen_from(state: &BarycentricState, axis: DVec3, radius_km: f64, flattening: f64) -> Self {
         let beta = state.velocity_km_s / SPEED_OF_LIGHT_KM_S;
         Self { centre_km: -state.position_km, axis, radius_km, stretch: 1.0 / (1.0 - flattening), beta }
     }
 
     /// Returns a small sphere in an apparent direction (unit) and at a distance: aberration has been taken care of.
-    #[must_use]
     pub fn sphere(apparent: DVec3, distance_km: f64, radius_km: f64) -> Self {
         Self { centre_km: apparent * distance_km, axis: DVec3::Z, radius_km, stretch: 1.0, beta: DVec3::ZERO }
     }
 
     /// Returns the angular radius of the largest circle, rad; a right angle for an observer inside.
-    #[must_use]
     pub fn angular_radius_rad(&self) -> f64 {
         (self.radius_km / self.centre_km.length()).min(1.0).asin()
     }
 
     /// Returns where its centre is seen, unit.
-    #[must_use]
     pub fn apparent_centre(&self) -> DVec3 {
         (self.centre_km.normalize() + self.beta).normalize()
     }
 
     /// Returns how far inside the limb a direction is, in radii by which its line passes the limb: 0 on it, 1 in the
     /// middle, negative outside. Linear in the angle near the limb.
-    #[must_use]
     pub fn depth(&self, apparent: DVec3) -> f64 {
         let (u, centre_km) = (self.stretched(apparent - self.beta), self.stretched(self.centre_km));
         if u.dot(centre_km) <= 0.0 {
@@ -77,13 +72,11 @@ impl Spheroid {
     }
 
     /// Returns whether it covers everything farther away in this direction.
-    #[must_use]
     pub fn hides(&self, apparent: DVec3) -> bool {
         self.depth(apparent) > 0.0
     }
 
     /// Returns the point of the surface seen in a direction; `None` outside the limb.
-    #[must_use]
     pub fn surface(&self, apparent: DVec3) -> Option<SurfacePoint> {
         let natural = (apparent - self.beta).normalize();
         let (u, centre_km) = (self.stretched(natural), self.stretched(self.centre_km));

@@ -13,7 +13,6 @@ const HALF_STEP_D: f64 = 0.5;
 
 /// Returns the barycentric state of the Sun's centre, ICRF axes: three evaluations of the series, about 1 ms. Frames
 /// use [`crate::almanac`].
-#[must_use]
 pub fn barycentric_state(at: Tai) -> BarycentricState {
     state_on_day(at.days_tdb_since_j2000())
 }

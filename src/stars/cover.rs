@@ -11,7 +11,6 @@ use glam::DVec3;
 
 /// Returns the squared chord of an angle on the unit sphere, exact for angles of milliarcseconds; more than any chord
 /// from pi on.
-#[must_use]
 pub fn chord_squared(angle_rad: f64) -> f64 {
     if angle_rad >= PI { f64::INFINITY } else { 4.0 * (angle_rad / 2.0).sin().powi(2) }
 }

@@ -17,7 +17,6 @@ pub const TYCHO: &str = "Tycho-2 (Hog et al. 2000, A&A 355, L27).";
 pub const NONE: &str = "none: no star is known to come from a published catalog";
 
 /// Credits for stars of these origins; empty when none is known to come from a published catalog.
-#[must_use]
 pub fn credits_of(origins: &Origins) -> String {
     let [hipparcos, tycho] = origins.are_bright();
     let asked = [(origins.is_gaia(), GAIA), (hipparcos, HIPPARCOS), (tycho, TYCHO)];
@@ -25,7 +24,6 @@ pub fn credits_of(origins: &Origins) -> String {
 }
 
 /// Credits as they are shown to a person.
-#[must_use]
 pub fn shown(credits: &str) -> &str {
     if credits.is_empty() { NONE } else { credits }
 }

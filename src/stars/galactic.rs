@@ -14,14 +14,12 @@ const GALACTIC_FROM_ICRF: DMat3 = DMat3::from_cols_array_2d(&[
 ]);
 
 /// Returns the galactic longitude, -pi..pi, and latitude of a direction (unit vector), rad.
-#[must_use]
 pub fn galactic_rad(direction_icrf: DVec3) -> [f64; 2] {
     let galactic = GALACTIC_FROM_ICRF * direction_icrf;
     [galactic.y.atan2(galactic.x), galactic.z.atan2(galactic.x.hypot(galactic.y))]
 }
 
 /// Returns the direction in ICRF axes of a galactic longitude and latitude, rad.
-#[must_use]
 pub fn direction_of_galactic(longitude_rad: f64, latitude_rad: f64) -> DVec3 {
     GALACTIC_FROM_ICRF.transpose() * direction_from_ra_dec(longitude_rad, latitude_rad)
 }

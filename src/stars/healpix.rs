@@ -23,7 +23,6 @@ const FOUR_OVER_PI: f64 = 4.0 / PI;
 const POLE: f64 = 1e-13;
 
 /// Returns the cell of `order` (0 to 29) in which a direction lies; the latitude is within -pi/2 to pi/2.
-#[must_use]
 pub fn cell(order: u8, lon_rad: f64, lat_rad: f64) -> u64 {
     let (base, x, y) = in_base_cell(lon_rad, lat_rad);
     let side = 1_u32 << order;
@@ -32,14 +31,12 @@ pub fn cell(order: u8, lon_rad: f64, lat_rad: f64) -> u64 {
 }
 
 /// Returns longitude and latitude of a cell's centre, rad.
-#[must_use]
 pub fn centre(order: u8, cell: u64) -> (f64, f64) {
     point(order, cell, [0.5, 0.5])
 }
 
 /// Returns longitude and latitude of a point of a cell, rad: shares (0 to 1) of the ways from its southern corner to the
 /// eastern and to the western one.
-#[must_use]
 pub fn point(order: u8, cell: u64, [east, west]: [f64; 2]) -> (f64, f64) {
     let (base, i, j) = parts(order, cell);
     let (i, j, side) = (f64::from(i), f64::from(j), f64::from(1_u32 << order));

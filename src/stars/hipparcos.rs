@@ -12,7 +12,6 @@ const HIPPARCOS_BYTES: usize = 4;
 const HEAD_BYTES: usize = 4;
 
 /// Returns the Hipparcos number of a star that Gaia DR3 knows by `source_id`; `None` when the table has none.
-#[must_use]
 pub fn hipparcos_of_gaia(source_id: u64) -> Option<u32> {
     let count = (TABLE.len() - HEAD_BYTES) / (GAIA_BYTES + HIPPARCOS_BYTES);
     let (gaia, hipparcos) = TABLE[HEAD_BYTES..].split_at(count * GAIA_BYTES);

@@ -33,7 +33,6 @@ pub struct StarIndex {
 
 impl StarIndex {
     /// Returns stars in it.
-    #[must_use]
     pub fn stars(&self) -> u64 {
         self.firsts.last().copied().unwrap_or(0)
     }
@@ -44,21 +43,18 @@ impl StarIndex {
     }
 
     /// Returns places of a tile's stars in the store.
-    #[must_use]
     pub fn places(&self, tile: u64) -> Range<u64> {
         let tile = usize::try_from(tile).unwrap_or(usize::MAX);
         self.firsts[tile]..self.firsts[tile + 1]
     }
 
     /// Returns stars of one tile.
-    #[must_use]
     pub fn stars_of_tile(&self, tile: u64) -> u64 {
         let places = self.places(tile);
         places.end - places.start
     }
 
     /// Returns the tile that has the star at this place of the store.
-    #[must_use]
     pub(crate) fn tile_of(&self, place: u64) -> Option<u64> {
         (place < self.stars()).then(|| self.firsts.partition_point(|first| *first <= place) as u64 - 1)
     }
@@ -77,7 +73,6 @@ impl StarIndex {
     }
 
     /// Returns the name in its source catalog of the star with a stored number.
-    #[must_use]
     pub fn source_id(&self, number: i64) -> Option<SourceId> {
         self.numbering?.source_id(number)
     }

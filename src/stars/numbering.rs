@@ -32,7 +32,6 @@ const HIPPARCOS_END: i64 = 1_000_000;
 const GAIA_EPOCHS: [(f64, GaiaRelease); 2] = [(2015.5, GaiaRelease::Dr2), (2016.0, GaiaRelease::Dr3)];
 
 /// Returns whether a star at this place may have this number in Gaia's archive.
-#[must_use]
 pub fn is_gaia_number(number: i64, ra_rad: f64, dec_rad: f64) -> bool {
     let Some(cell) = u64::try_from(number).ok().map(|number| number >> GAIA_CELL_BITS) else { return false };
     if number == 0 || cell >= 12 << (2 * GAIA_CELL_ORDER) {
@@ -91,7 +90,6 @@ impl Origins {
     }
 
     /// Returns whether the stars' numbers above zero are Gaia's.
-    #[must_use]
     pub fn is_gaia(&self) -> bool {
         self.numbered > 0 && self.gaia as f64 >= GAIA_SHARE * self.numbered as f64
     }
@@ -108,14 +106,12 @@ impl Origins {
 
     /// Returns whether numbers below zero are those of Hipparcos and Tycho-2: bright files were read, a packed CSV
     /// names them, or the others are Gaia's.
-    #[must_use]
     pub fn has_bright_numbers(&self) -> bool {
         let is_known = self.is_bright || self.is_gaia() || self.named_hipparcos + self.named_tycho > 0;
         is_known && self.negative == 0
     }
 
     /// Returns whether Hipparcos, and Tycho-2, have given stars or motions.
-    #[must_use]
     pub fn are_bright(&self) -> [bool; 2] {
         let is_numbered = self.is_bright || self.has_bright_numbers();
         [
@@ -125,7 +121,6 @@ impl Origins {
     }
 
     /// Returns how the numbers of these stars, of epoch `epoch_yr`, are to be read.
-    #[must_use]
     pub fn numbering(&self, epoch_yr: f64) -> Numbering {
         let release = GAIA_EPOCHS.iter().find(|(epoch, _)| (epoch - epoch_yr).abs() < 0.01);
         let gaia = self.is_gaia().then(|| release.map_or(GaiaRelease::Unknown, |(_, release)| *release));
@@ -150,21 +145,18 @@ const BRIGHT_MARK: u32 = 0x100;
 
 impl Numbering {
     /// Returns the number that a file stores; never zero, which means that the file has no numbers.
-    #[must_use]
     pub fn mark(self) -> u32 {
         let gaia = MARKS.iter().find(|(gaia, _)| *gaia == self.gaia).map_or(1, |(_, mark)| *mark);
         gaia | if self.bright { BRIGHT_MARK } else { 0 }
     }
 
     /// Returns the numbering of a stored number; `None` when this program does not know the mark.
-    #[must_use]
     pub fn of_mark(mark: u32) -> Option<Self> {
         let gaia = MARKS.iter().find(|(_, known)| *known == mark & !BRIGHT_MARK)?.0;
         Some(Self { gaia, bright: mark & BRIGHT_MARK != 0 })
     }
 
     /// Returns the name of the star with a stored number; `None` when it has none.
-    #[must_use]
     pub fn source_id(self, number: i64) -> Option<SourceId> {
         if number == NO_NUMBER {
             return None;
@@ -176,7 +168,6 @@ impl Numbering {
 }
 
 /// Returns the stored number of a name: [`NO_NUMBER`] of none.
-#[must_use]
 pub fn stored_number(id: Option<SourceId>) -> i64 {
     match id {
         Some(SourceId::Gaia(_, number)) => number.cast_signed(),

@@ -48,7 +48,6 @@ const FASTEST: [Measured; 17] = [
 ];
 
 /// Returns the radial velocity of a star, km/s, where it is known.
-#[must_use]
 pub fn radial_velocity_km_s(id: SourceId) -> Option<f64> {
     let is_it = |star: &&Measured| match id {
         SourceId::Gaia(_, number) => star.gaia_dr3 == number,
@@ -60,7 +59,6 @@ pub fn radial_velocity_km_s(id: SourceId) -> Option<f64> {
 
 /// Returns the share of its distance by which a star recedes in a year, in units of a milliarcsecond, as proper motions
 /// are; zero when its radial velocity or its parallax is not known. `speed_mas_yr`: its proper motion.
-#[must_use]
 #[allow(clippy::cast_possible_truncation, reason = "an f32 holds it to 1e-7 of itself")]
 pub fn radial_mas_yr(id: Option<SourceId>, speed_mas_yr: f32, parallax_mas: Option<f32>) -> f32 {
     let (Some(id), Some(parallax_mas)) = (id, parallax_mas) else { return 0.0 };

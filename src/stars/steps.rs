@@ -20,14 +20,12 @@ pub(crate) const NO_PARALLAX: u16 = u16::MAX;
 pub(crate) const COLOUR_DOMAIN_MAG: [f64; 2] = [-0.5, 5.0];
 
 /// Returns the G magnitude of a stored field.
-#[must_use]
 pub(crate) fn mag_of(steps: u16) -> f64 {
     f64::from(steps) * MAG_STEP + MAG_ZERO
 }
 
 /// Returns the star of a record, with the motion (eastward with cos dec, northward) and the parallax that are known,
 /// and the magnitude and colour.
-#[must_use]
 #[allow(clippy::cast_possible_truncation, reason = "an f32 holds every step of these fields to 1e-7 of itself")]
 pub(crate) fn source(
     (id, source_id): (u32, Option<SourceId>),
@@ -47,27 +45,23 @@ pub(crate) fn source(
 }
 
 /// Returns the nearest step, of a number that the caller knows to be in range.
-#[must_use]
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked to be in range by the caller")]
 pub(crate) fn nearest_u16(steps: f64) -> u16 {
     steps.round() as u16
 }
 
 /// Returns the same with a sign.
-#[must_use]
 #[allow(clippy::cast_possible_truncation, reason = "checked to be in range by the caller")]
 pub(crate) fn nearest_i16(steps: f64) -> i16 {
     steps.round() as i16
 }
 
 /// Returns the u32 that begins at byte `at`, which the caller knows to be inside; little-endian.
-#[must_use]
 pub(crate) fn u32_at(bytes: &[u8], at: usize) -> u32 {
     u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]])
 }
 
 /// Returns the u64, likewise.
-#[must_use]
 pub(crate) fn u64_at(bytes: &[u8], at: usize) -> u64 {
     u64::from(u32_at(bytes, at)) | u64::from(u32_at(bytes, at + 4)) << 32
 }

@@ -63,13 +63,11 @@ pub enum Wire {
 
 impl Wire {
     /// Returns a classic CAN frame; `None` of an identifier above 11 bits or more than 8 bytes.
-    #[must_use]
     pub fn can(id: u16, data: &[u8]) -> Option<Self> {
         CanFrame::classic(id, data).map(Self::Can)
     }
 
     /// Its bytes, without those of a CAN frame's header.
-    #[must_use]
     pub fn data(&self) -> &[u8] {
         match self {
             Self::Bytes(bytes) => bytes,
@@ -87,7 +85,6 @@ pub struct Limits {
 
 impl Limits {
     /// Returns the order of an exposure time in seconds; `None` outside the limits.
-    #[must_use]
     pub fn exposure(&self, seconds: f64) -> Option<Order> {
         let [least, most] = self.exposure_s?;
         // A few nanoseconds for those who count in single precision.

@@ -38,7 +38,6 @@ fn mode_name(mode: Mode) -> &'static str {
 
 impl JsonDevice {
     /// Returns the tracker of a head.
-    #[must_use]
     pub fn new(head: usize, sense: Sense, limits: Limits) -> Self {
         let (counter, continuity, answered) = (0, Continuity::default(), Answered::default());
         Self { head, sense, limits, counter, continuity, line: Vec::new(), skips: false, answered }

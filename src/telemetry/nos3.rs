@@ -26,7 +26,6 @@ const HALF: f64 = 32_768.0;
 const SCALE: f64 = 32_767.0;
 
 /// A component of a quaternion as the wire has it.
-#[must_use]
 pub fn to_wire(component: f64) -> u16 {
     #[allow(
         clippy::cast_possible_truncation,
@@ -38,7 +37,6 @@ pub fn to_wire(component: f64) -> u16 {
 }
 
 /// Returns the component that the wire has as this number.
-#[must_use]
 pub fn from_wire(raw: u16) -> f64 {
     (f64::from(raw) - HALF) / SCALE
 }
@@ -58,7 +56,6 @@ pub struct Nos3Device {
 
 impl Nos3Device {
     /// Returns a tracker without an attitude.
-    #[must_use]
     pub fn new(limits: Limits) -> Self {
         let (window, continuity, answered) = (Vec::new(), Continuity::default(), Answered::default());
         Self { limits, window, is_out_of_step: false, counter: 0, continuity, newest: None, answered }

@@ -12,7 +12,6 @@ pub enum Sense {
 
 impl Sense {
     /// Returns a quaternion of starloop in this sense, and the other way round.
-    #[must_use]
     pub fn of(self, [w, x, y, z]: [f64; 4]) -> [f64; 4] {
         match self {
             Self::Starloop => [w, x, y, z],

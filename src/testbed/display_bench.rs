@@ -83,7 +83,6 @@ pub struct BenchTruth {
 impl BenchTruth {
     /// Returns a bench with every error at once: a tilted, rolled display behind a distorting collimator, off-centre
     /// vignetting, a response that does not follow a power law, black that is not dark.
-    #[must_use]
     pub fn crooked() -> Self {
         Self {
             display_px: [640, 480],
@@ -116,7 +115,6 @@ impl BenchTruth {
     }
 
     /// Returns the light of a grey relative to full, black level included.
-    #[must_use]
     pub fn light(&self, grey: u16) -> f64 {
         let v = f64::from(grey) / f64::from((1_u32 << self.bits) - 1);
         let knee = (1.0 + self.toe) * self.toe / (self.gamma - 1.0).max(0.1);
@@ -127,7 +125,6 @@ impl BenchTruth {
     }
 
     /// Returns the light of a place relative to the brightest.
-    #[must_use]
     pub fn vignette(&self, px: DVec2) -> f64 {
         let half_diagonal = 0.5 * (self.display_px[0] as f64).hypot(self.display_px[1] as f64);
         let r = px.distance(DVec2::from(self.brightest_px)) / half_diagonal;
@@ -135,7 +132,6 @@ impl BenchTruth {
     }
 
     /// Returns the direction in the tracker's sensor axes of a display pixel.
-    #[must_use]
     pub fn direction(&self, px: DVec2) -> DVec3 {
         let shown = (px - DVec2::from(self.axis_px)) / self.focal_px;
         let shown = if self.mirrored { DVec2::new(-shown.x, shown.y) } else { shown };
@@ -156,7 +152,6 @@ impl BenchTruth {
     }
 
     /// Returns the tracker pixel of a direction in its sensor axes.
-    #[must_use]
     pub fn tracker_place(&self, v_sensor: DVec3) -> DVec2 {
         let tangent = v_sensor.truncate() / v_sensor.z;
         let bent = tangent * (1.0 + self.tracker_radial * tangent.length_squared());
@@ -164,14 +159,12 @@ impl BenchTruth {
     }
 
     /// Returns the tracker pixel of a display pixel.
-    #[must_use]
     pub fn seen_at(&self, display: DVec2) -> DVec2 {
         self.tracker_place(self.direction(display))
     }
 
     /// Returns the display pixel that a tracker pixel sees, and the display pixels per tracker pixel there; `None`
     /// where Newton's steps do not end.
-    #[must_use]
     pub fn display_place(&self, tracker: DVec2) -> Option<(DVec2, f64)> {
         self.display_place_from(tracker, DVec2::from(self.axis_px))
     }
@@ -208,7 +201,6 @@ pub struct DisplayBench {
 
 impl DisplayBench {
     /// Sets it up.
-    #[must_use]
     pub fn new(truth: BenchTruth) -> Self {
         let [width, height] = truth.tracker_px;
         let [columns, rows] = truth.display_px.map(|side| side as f64 - 0.5);
@@ -226,7 +218,6 @@ impl DisplayBench {
     }
 
     /// Returns the truth.
-    #[must_use]
     pub fn truth(&self) -> &BenchTruth {
         &self.truth
     }
@@ -248,7 +239,6 @@ impl DisplayBench {
     }
 
     /// Returns the mean electrons of the display's light, without noise.
-    #[must_use]
     pub fn mean_e(&self, greys: &Image<u16>) -> Vec<f64> {
         let shared = greys.pixels().iter().copied().min().unwrap_or(0);
         let level = self.truth.light(shared);

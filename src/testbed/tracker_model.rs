@@ -142,7 +142,6 @@ pub struct TrackerModel {
 impl TrackerModel {
     /// Returns a tracker that is lost in space; its drift begins at `start`, and its noise is even unless there are
     /// `stars`, as [`NoiseMethod::Stars`] wants them.
-    #[must_use]
     pub fn new(params: ModelParams, stars: Option<StarNoise>, seed: u64, start: Tai) -> Self {
         let seed = key(seed);
         let (fov, pixel) = (waves(seed, 0, params.field_rad), waves(seed, 1000, params.pixel_rad));
@@ -338,7 +337,6 @@ fn spatial(waves: &[[Wave; WAVES]; 3], truth: &Rotation<Sensor, Icrf>) -> DVec3 
 /// Returns the unit vector from the Earth's centre to the Moon, ICRF: the low-precision formulae of the Astronomical
 /// Almanac, section D, good to 0.3 degrees in longitude and 0.2 in latitude, with the precession since J2000.0 taken
 /// out of the longitude.
-#[must_use]
 pub fn moon_direction_icrf(at: Tai) -> DVec3 {
     /// Julian days of a century.
     const CENTURY_D: f64 = 36_525.0;

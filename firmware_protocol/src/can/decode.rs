@@ -17,7 +17,6 @@ pub struct Decoder {
 
 impl Decoder {
     /// Returns a decoder that has seen nothing.
-    #[must_use]
     pub fn new(ids: IdMap) -> Self {
         Self { ids, group: Group::default(), sequences: Sequences::default() }
     }

@@ -21,13 +21,11 @@ pub struct CanFrame {
 
 impl CanFrame {
     /// Returns a classic frame; `None` when no identifier has this number or the data exceed 8 bytes.
-    #[must_use]
     pub fn classic(id: impl ToCanId, data: &[u8]) -> Option<Self> {
         (data.len() <= CLASSIC_MAX).then(|| Self::new(id, false, data)).flatten()
     }
 
     /// Returns an FD frame; `None` when no identifier has this number or no length code says the length of the data.
-    #[must_use]
     pub fn fd(id: impl ToCanId, data: &[u8]) -> Option<Self> {
         FD_LENGTHS.contains(&data.len()).then(|| Self::new(id, true, data)).flatten()
     }
@@ -40,25 +38,21 @@ impl CanFrame {
     }
 
     /// Returns the same frame with other data; `None` when a frame of its kind has no such length.
-    #[must_use]
     pub fn with_data(&self, data: &[u8]) -> Option<Self> {
         if self.fd { Self::fd(self.id, data) } else { Self::classic(self.id, data) }
     }
 
     /// Returns the identifier.
-    #[must_use]
     pub const fn id(&self) -> CanId {
         self.id
     }
 
     /// Returns true for CAN FD.
-    #[must_use]
     pub const fn is_fd(&self) -> bool {
         self.fd
     }
 
     /// Returns the payload.
-    #[must_use]
     pub fn data(&self) -> &[u8] {
         self.data.get(..usize::from(self.len)).unwrap_or(&[])
     }

@@ -29,7 +29,6 @@ impl CanId {
     pub const LAST: Self = Self { wire: (STANDARD_MAX as u32) << FIRST | IDE | EXTENSION };
 
     /// Returns an identifier of 11 bits; `None` for a longer number.
-    #[must_use]
     pub const fn standard(number: u16) -> Option<Self> {
         if number > STANDARD_MAX {
             return None;
@@ -38,7 +37,6 @@ impl CanId {
     }
 
     /// Returns an identifier of 29 bits; `None` for a longer number.
-    #[must_use]
     pub const fn extended(number: u32) -> Option<Self> {
         if number > EXTENDED_MAX {
             return None;
@@ -48,7 +46,6 @@ impl CanId {
 
     /// Returns the identifier that one number with a mark in bit 31 says, as in Linux, pcapng and DBC files; `None` when
     /// there is none of this number.
-    #[must_use]
     pub fn from_flagged(flagged: u32) -> Option<Self> {
         if flagged & EXTENDED_FLAG != 0 {
             return Self::extended(flagged & !EXTENDED_FLAG);
@@ -57,26 +54,22 @@ impl CanId {
     }
 
     /// Returns the number, with bit 31 set when the identifier has 29 bits.
-    #[must_use]
     pub const fn flagged(self) -> u32 {
         if self.is_extended() { self.number() | EXTENDED_FLAG } else { self.number() }
     }
 
     /// Returns the number without its length.
-    #[must_use]
     pub const fn number(self) -> u32 {
         let first = self.wire >> FIRST;
         if self.is_extended() { first << EXTENSION_BITS | self.wire & EXTENSION } else { first }
     }
 
     /// Returns true for 29 bits.
-    #[must_use]
     pub const fn is_extended(self) -> bool {
         self.wire & IDE != 0
     }
 
     /// Returns the first 11 bits, which are all of a standard identifier, and the other 18, which are 0 of one.
-    #[must_use]
     pub const fn parts(self) -> (u16, u32) {
         #[allow(clippy::cast_possible_truncation, reason = "11 bits are left")]
         ((self.wire >> FIRST) as u16, self.wire & EXTENSION)

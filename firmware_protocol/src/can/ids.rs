@@ -26,20 +26,17 @@ impl IdMap {
 
     /// Returns a map to identifiers of 11 bits; `None` when the node exceeds 15, the base is not a multiple of 16, or
     /// the highest identifier exceeds 11 bits (base above 0x0F0).
-    #[must_use]
     pub fn new(base: u16, node: u8) -> Option<Self> {
         Self::of(CanId::standard(base)?, node)
     }
 
     /// Returns a map to identifiers of 29 bits; `None` when the node exceeds 15, the base is not a multiple of 16, or
     /// the highest identifier exceeds 29 bits (base above 0x1FFFF8F0).
-    #[must_use]
     pub fn extended(base: u32, node: u8) -> Option<Self> {
         Self::of(CanId::extended(base)?, node)
     }
 
     /// Returns a map from its base, which says the length of the identifiers.
-    #[must_use]
     pub fn of(base: CanId, node: u8) -> Option<Self> {
         let most = if base.is_extended() { Self::EXTENDED_BASE_MAX } else { Self::BASE_MAX };
         let legal = node <= NODE_MAX && base.number().is_multiple_of(1 << NODE_BITS) && base.number() <= most;
@@ -47,7 +44,6 @@ impl IdMap {
     }
 
     /// Returns the identifier of a message.
-    #[must_use]
     pub fn id(&self, message: MessageId) -> CanId {
         let offset = (u32::from(message.number()) << NODE_BITS) | u32::from(self.node_of(message));
         let number = self.base.number() + offset;

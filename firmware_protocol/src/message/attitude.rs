@@ -59,13 +59,11 @@ impl AttitudeFlags {
     pub const ALL: Self = Self { rate: true, acceleration: true };
 
     /// Returns the byte on the wire.
-    #[must_use]
     pub const fn bits(self) -> u8 {
         (if self.rate { RATE_BIT } else { 0 }) | (if self.acceleration { ACCELERATION_BIT } else { 0 })
     }
 
     /// Reads the byte on the wire; unknown bits are ignored.
-    #[must_use]
     pub const fn from_bits(bits: u8) -> Self {
         Self { rate: bits & RATE_BIT != 0, acceleration: bits & ACCELERATION_BIT != 0 }
     }

@@ -57,13 +57,11 @@ impl CameraKind {
     ];
 
     /// Returns the kind of a number; `None` for one of a later version.
-    #[must_use]
     pub fn from_number(number: u8) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.number() == number)
     }
 
     /// Returns the number on the wire.
-    #[must_use]
     pub const fn number(self) -> u8 {
         self as u8
     }
@@ -109,7 +107,6 @@ pub struct CameraTriggered {
 
 impl CameraTrigger {
     /// Returns true when it acts as soon as it has come.
-    #[must_use]
     pub const fn is_at_once(&self) -> bool {
         self.at_us == 0
     }
@@ -138,7 +135,6 @@ impl StartedBy {
     pub const ALL: [Self; 6] = [Self::Rate, Self::Software, Self::Action, Self::Bus, Self::Line, Self::Control];
 
     /// Returns the source of a code on the wire.
-    #[must_use]
     pub fn from_code(code: u8) -> Option<Self> {
         Self::ALL.get(usize::from(code)).copied()
     }
@@ -187,7 +183,6 @@ pub enum CameraPage {
 
 impl CameraPage {
     /// Returns its number.
-    #[must_use]
     pub const fn number(&self) -> u8 {
         match self {
             Self::Exposure { .. } => 0,

@@ -228,7 +228,6 @@ impl Refusal {
     ];
 
     /// Returns the code in RSP.
-    #[must_use]
     pub const fn code(self) -> u8 {
         self as u8
     }
@@ -263,7 +262,6 @@ impl Refusal {
 
 impl Request {
     /// Returns the first byte of the command.
-    #[must_use]
     pub const fn opcode(&self) -> u8 {
         match self {
             Self::Hello(_) => opcode::HELLO,

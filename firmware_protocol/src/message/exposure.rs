@@ -26,14 +26,12 @@ pub struct Exposure {
 
 impl Exposure {
     /// Returns an exposure; an age above 655 350 us is sent as 655 350 us.
-    #[must_use]
     pub fn new(frame: u8, attitude_seq: u8, mid_exposure_us: u32, age_us: u32) -> Self {
         let age = u16::try_from(age_us / AGE_LSB_US).unwrap_or(u16::MAX);
         Self { frame, attitude_seq, mid_exposure_us, age }
     }
 
     /// Returns the age of the newest attitude at mid-exposure, in steps of 10 us; 655 350 us means that or more.
-    #[must_use]
     pub fn age_us(&self) -> u32 {
         u32::from(self.age) * AGE_LSB_US
     }

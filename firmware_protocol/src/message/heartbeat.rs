@@ -35,7 +35,6 @@ impl NodeState {
     const ALL: [Self; 4] = [Self::Starting, Self::Ready, Self::Running, Self::Fault];
 
     /// Returns the state of a code on the wire.
-    #[must_use]
     pub fn from_code(code: u8) -> Option<Self> {
         Self::ALL.get(usize::from(code)).copied()
     }

@@ -53,7 +53,6 @@ pub struct JitterPair {
 
 impl JitterBurst {
     /// Returns a burst of the first 14 samples (about body X, about body Y); `None` without samples or period.
-    #[must_use]
     pub fn new(t_first_us: u32, period_us: u16, seq: u8, samples_arcsec: &[[f32; 2]]) -> Option<Self> {
         let mut samples = [[0.0; 2]; JITTER_BURST_MAX];
         let mut count = 0;
@@ -65,7 +64,6 @@ impl JitterBurst {
     }
 
     /// Returns the samples, oldest first: rotation about body X and body Y, arcsec.
-    #[must_use]
     pub fn samples_arcsec(&self) -> &[[f32; 2]] {
         self.samples_arcsec.get(..usize::from(self.count)).unwrap_or(&[])
     }

@@ -106,13 +106,11 @@ impl MessageId {
     }
 
     /// Returns the number on the wire.
-    #[must_use]
     pub const fn number(self) -> u8 {
         self as u8
     }
 
     /// Returns bytes of its frame on CAN; of its payload on a serial line, where the message travels in one piece.
-    #[must_use]
     pub const fn len_bytes(self) -> usize {
         match self {
             Self::Sync => 1,
@@ -137,7 +135,6 @@ impl MessageId {
     }
 
     /// Returns false for the parts of the classic attitude group, which only classic CAN has.
-    #[must_use]
     pub const fn is_whole(self) -> bool {
         !matches!(
             self,
@@ -183,7 +180,6 @@ pub enum Message {
 
 impl Message {
     /// Returns the number under which the message travels in one piece (CAN FD and serial).
-    #[must_use]
     pub const fn id(&self) -> MessageId {
         match self {
             Self::Sync(_) => MessageId::Sync,

@@ -100,7 +100,6 @@ impl StimulatorMode {
     const ALL: [Self; 5] = [Self::Idle, Self::Running, Self::Holding, Self::Blank, Self::Stopped];
 
     /// Returns the mode of a code on the wire.
-    #[must_use]
     pub fn from_code(code: u8) -> Option<Self> {
         Self::ALL.get(usize::from(code)).copied()
     }
@@ -108,7 +107,6 @@ impl StimulatorMode {
 
 impl PointingAngle {
     /// The angle as 2^-32 turns, modulo one turn.
-    #[must_use]
     #[allow(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -120,7 +118,6 @@ impl PointingAngle {
     }
 
     /// Returns the angle of 2^-32 turns: right ascension in 0 to 2 pi, the others in -pi to pi.
-    #[must_use]
     pub fn to_rad(self, turns_2_32: u32) -> f64 {
         match self {
             Self::RightAscension => f64::from(turns_2_32) * ANGLE_LSB_RAD,

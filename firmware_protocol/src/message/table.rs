@@ -20,19 +20,16 @@ impl Table {
     pub const ALL: [Self; 3] = [Self::Lines, Self::Psd, Self::WheelHarmonics];
 
     /// Returns the table of a number.
-    #[must_use]
     pub fn from_number(number: u8) -> Option<Self> {
         Self::ALL.into_iter().find(|table| table.number() == number)
     }
 
     /// Returns the number on the wire.
-    #[must_use]
     pub const fn number(self) -> u8 {
         self as u8
     }
 
     /// Returns rows at most.
-    #[must_use]
     pub const fn rows_max(self) -> u8 {
         match self {
             Self::Lines | Self::Psd => 32,
@@ -41,7 +38,6 @@ impl Table {
     }
 
     /// Columns.
-    #[must_use]
     pub const fn columns(self) -> u8 {
         match self {
             Self::Lines => 5,
@@ -74,7 +70,6 @@ pub struct TableCell {
 
 impl TableCell {
     /// Returns whether the table has such a row and column.
-    #[must_use]
     pub const fn exists(&self) -> bool {
         self.row < self.table.rows_max() && self.column < self.table.columns()
     }

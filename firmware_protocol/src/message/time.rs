@@ -43,13 +43,11 @@ const NS_PER_S: u64 = 1_000_000_000;
 
 impl Scet {
     /// Returns the time of whole seconds and 2^-24 s; `None` when the fraction is a second or more.
-    #[must_use]
     pub fn new(seconds: u32, fraction: u32) -> Option<Self> {
         (u64::from(fraction) < FRACTIONS_PER_S).then_some(Self { seconds, fraction })
     }
 
     /// Returns the latest SCET that is not after `ns`; seconds wrap after 136 years.
-    #[must_use]
     #[allow(clippy::cast_possible_truncation, reason = "seconds wrap by definition; the fraction is below 2^24")]
     pub const fn from_ns(ns: u64) -> Self {
         let seconds = (ns / NS_PER_S) as u32;
@@ -57,20 +55,17 @@ impl Scet {
     }
 
     /// Returns nanoseconds since the sender's epoch, rounded to nearest.
-    #[must_use]
     pub const fn ns(self) -> u64 {
         let fraction_ns = (self.fraction as u64 * NS_PER_S + FRACTIONS_PER_S / 2) / FRACTIONS_PER_S;
         self.seconds as u64 * NS_PER_S + fraction_ns
     }
 
     /// Returns the whole seconds.
-    #[must_use]
     pub const fn seconds(self) -> u32 {
         self.seconds
     }
 
     /// Returns the rest, 2^-24 s.
-    #[must_use]
     pub const fn fraction(self) -> u32 {
         self.fraction
     }

@@ -20,7 +20,6 @@ pub struct Triggered {
 
 impl Trigger {
     /// Returns whether it acts as soon as it has come.
-    #[must_use]
     pub const fn is_at_once(&self) -> bool {
         self.at_us == 0
     }

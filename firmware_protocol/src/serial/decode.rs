@@ -28,14 +28,12 @@ impl Default for Decoder {
 
 impl Decoder {
     /// Returns a decoder that has seen nothing.
-    #[must_use]
     pub fn new() -> Self {
         let (packets, sequences) = (PacketCount::default(), Sequences::default());
         Self { stuffed: [0; STUFFED_MAX], len: 0, packets, sequences }
     }
 
     /// Returns packets missing from the sequence so far.
-    #[must_use]
     pub const fn lost_packets(&self) -> u32 {
         self.packets.lost
     }

@@ -13,13 +13,11 @@ pub struct Encoder {
 
 impl Encoder {
     /// Returns an encoder whose first packet has sequence number 0.
-    #[must_use]
     pub const fn new() -> Self {
         Self { seq: 0 }
     }
 
     /// Returns an encoder whose first packet has this sequence number.
-    #[must_use]
     pub const fn starting_at(seq: u8) -> Self {
         Self { seq }
     }

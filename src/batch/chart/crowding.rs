@@ -40,7 +40,6 @@ pub struct CrowdingRow {
 
 impl CrowdingRow {
     /// Returns the time of planning and drawing, ms.
-    #[must_use]
     pub fn total_ms(&self) -> f64 {
         self.plan_ms + self.draw_ms
     }
@@ -98,7 +97,6 @@ pub fn measure(settings: &Settings, drawers: &mut [Drawer], effort: Effort) -> R
 
 /// Returns, for neighbouring numbers of stars of one backend, the power with which the time grows, and the larger
 /// number of the two.
-#[must_use]
 pub fn growth(rows: &[CrowdingRow]) -> Vec<(&str, usize, f64)> {
     let of_pair = |pair: &[CrowdingRow]| {
         let power = (pair[1].total_ms() / pair[0].total_ms()).ln() / (pair[1].stars as f64 / pair[0].stars as f64).ln();
@@ -110,7 +108,6 @@ pub fn growth(rows: &[CrowdingRow]) -> Vec<(&str, usize, f64)> {
 }
 
 /// Returns the chart.
-#[must_use]
 pub fn chart(rows: &[CrowdingRow]) -> Chart {
     let mut series = Vec::new();
     let mut backends: Vec<&str> = rows.iter().map(|row| row.backend.as_str()).collect();
@@ -135,7 +132,6 @@ pub fn chart(rows: &[CrowdingRow]) -> Chart {
 }
 
 /// Returns lines for a terminal.
-#[must_use]
 pub fn summary(rows: &[CrowdingRow]) -> String {
     let mut text = String::from(
         "\ntime by number of stars (jitter of 0.5 px)\n  backend     stars   plan ms   draw ms  ns a star  method\n",

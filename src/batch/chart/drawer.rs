@@ -63,7 +63,6 @@ impl Drawer {
     }
 
     /// Returns the name used in commands.
-    #[must_use]
     pub fn name(&self) -> &'static str {
         match self {
             Self::Cpu { .. } => "cpu",
@@ -72,13 +71,11 @@ impl Drawer {
     }
 
     /// Returns true for a GPU that is emulated in software.
-    #[must_use]
     pub fn is_software_gpu(&self) -> bool {
         matches!(self, Self::Gpu { device, .. } if device.is_software())
     }
 
     /// Returns a description of its device.
-    #[must_use]
     pub fn description(&self) -> String {
         match self {
             Self::Cpu { backend, .. } => format!("cpu: {}", backend.description()),
@@ -87,7 +84,6 @@ impl Drawer {
     }
 
     /// Returns the cost constants.
-    #[must_use]
     pub fn cost(&self) -> CostModel {
         match self {
             Self::Cpu { .. } => CostModel::CPU,

@@ -198,7 +198,6 @@ impl Readout {
 }
 
 /// Returns the table for a terminal.
-#[must_use]
 pub fn summary(rows: &[EffectRow]) -> String {
     let mut text = format!(
         "\n{:<32} {:<9} {:<4} {:>12} {:>10} {:>10}\n",

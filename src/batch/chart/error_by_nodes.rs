@@ -9,7 +9,6 @@ use plan::exposure::method::MethodName;
 const SHOWN: [MethodName; 3] = [MethodName::Samples, MethodName::Segments, MethodName::GaussLegendre];
 
 /// Returns charts of the charted scenes, with their file names, by the first backend.
-#[must_use]
 pub fn charts(rows: &[MethodRow], scenes: &[Scene], backends: &[&str]) -> Vec<(String, Chart)> {
     let Some(backend) = backends.first() else { return Vec::new() };
     let charted = scenes.iter().filter(|scene| scene.is_charted);
@@ -17,7 +16,6 @@ pub fn charts(rows: &[MethodRow], scenes: &[Scene], backends: &[&str]) -> Vec<(S
 }
 
 /// Returns the chart of one scene.
-#[must_use]
 pub fn chart(rows: &[MethodRow], scene: &Scene, backend: &str) -> Chart {
     let mut series = Vec::new();
     for (group, name) in SHOWN.into_iter().enumerate() {

@@ -24,7 +24,6 @@ pub struct FootprintRow {
 }
 
 /// Measures footprints of three PSFs.
-#[must_use]
 pub fn measure() -> Vec<FootprintRow> {
     let gaussian = |sigma_px: f64| (format!("Gaussian, sigma {sigma_px} px"), PsfModel::gaussian(sigma_px), 12);
     let airy = ("Airy, L 0.979 px, obscuration 0.3".to_owned(), PsfModel::airy(0.978_909, 0.3), LARGEST_HALF_PX);
@@ -60,7 +59,6 @@ fn lost_by_half_width(psf: &PsfModel, [fx, fy]: [f64; 2], most_half_px: usize) -
 }
 
 /// Returns a chart of the lost light against half-width.
-#[must_use]
 pub fn chart(rows: &[FootprintRow]) -> Chart {
     let mut names: Vec<&str> = rows.iter().map(|row| row.psf.as_str()).collect();
     names.dedup();

@@ -38,7 +38,6 @@ struct Window {
 
 impl Errors {
     /// Returns the errors of `image` over the stars of `plan`.
-    #[must_use]
     pub fn of(image: &Picture, truth: &Picture, plan: &ExposurePlan) -> Self {
         let mut worst = Self { l1_rel: l1_rel(image, truth), ..Self::default() };
         let half_px = (plan.half_px as f64 + plan.extent_px + 1.0).min(MOST_WINDOW_PX);
@@ -56,7 +55,6 @@ impl Errors {
 }
 
 /// Returns the electrons of the brightest star.
-#[must_use]
 pub fn brightest_e(plan: &ExposurePlan) -> f64 {
     plan.stars.iter().map(|star| star.electrons).fold(0.0, f64::max)
 }

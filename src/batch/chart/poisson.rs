@@ -80,7 +80,6 @@ fn ns_per_pixel(detector: &mut Detector, lambda_e: f64, side_px: usize, effort: 
 }
 
 /// Returns a chart of the distance against the mean, with bounds; `auto` is inversion and Cornish-Fisher.
-#[must_use]
 pub fn chart(rows: &[PoissonRow]) -> Chart {
     let shown = PoissonMethod::ALL.into_iter().filter(|method| *method != PoissonMethod::Auto);
     let mut series = Vec::new();

@@ -46,7 +46,6 @@ fn motions() -> [(&'static str, &'static str, AnalyticMotion); 2] {
 }
 
 /// Measures every method over a range of horizons on both motions.
-#[must_use]
 pub fn measure(quick: bool) -> Vec<PredictionRow> {
     let per_decade = if quick { 4 } else { 10 };
     let horizons_s: Vec<f64> =
@@ -65,7 +64,6 @@ pub fn measure(quick: bool) -> Vec<PredictionRow> {
 }
 
 /// Returns a chart for each motion, with its file name.
-#[must_use]
 pub fn charts(rows: &[PredictionRow]) -> Vec<(String, Chart)> {
     let file = |i: usize, name: &str| if i == 0 { "prediction".into() } else { format!("prediction_{name}") };
     motions().iter().enumerate().map(|(i, (name, title, _))| (file(i, name), chart(rows, name, title))).collect()

@@ -62,7 +62,6 @@ pub struct MethodRow {
 impl MethodRow {
     /// Returns true when the planner gave bounds and all of them are kept; light beyond the footprint is in the flux
     /// bound, and affects pixels too.
-    #[must_use]
     pub fn holds(&self) -> bool {
         let pixel_sigma = self.bound_pixel_sigma + self.brightest_e * self.bound_flux_rel / self.read_noise_e;
         self.centroid_px <= self.bound_centroid_px
@@ -71,19 +70,16 @@ impl MethodRow {
     }
 
     /// Returns true when the planner would draw with it.
-    #[must_use]
     pub fn fits(&self) -> bool {
         self.verdict == FITS
     }
 
     /// Returns true when it produced an image.
-    #[must_use]
     pub fn is_drawn(&self) -> bool {
         self.verdict != NOT_DRAWN
     }
 
     /// Returns true for the planner's own choice.
-    #[must_use]
     pub fn is_choice(&self) -> bool {
         self.method == "auto"
     }
@@ -101,13 +97,11 @@ impl MethodRow {
 }
 
 /// Returns the rows that the planner accepted and whose bounds are exceeded.
-#[must_use]
 pub fn broken(rows: &[MethodRow]) -> Vec<&MethodRow> {
     rows.iter().filter(|row| row.fits() && !row.holds()).collect()
 }
 
 /// Returns the word for a verdict in tables.
-#[must_use]
 pub fn verdict_name(verdict: Verdict) -> &'static str {
     match verdict {
         Verdict::Fits => FITS,

@@ -15,7 +15,6 @@ use plan::exposure::{MethodChoice, PsfSampling};
 const SHOWN: [&str; 7] = ["auto", "table:8", "table:2", "supersampled:5", "supersampled:3", "point", "bicubic"];
 
 /// Returns the standard deviations of the PSFs, px.
-#[must_use]
 pub fn sigmas_px(quick: bool) -> &'static [f64] {
     if quick { &[0.3, 0.5, 0.8] } else { &[0.3, 0.4, 0.5, 0.65, 0.8, 1.0, 1.25] }
 }
@@ -50,7 +49,6 @@ pub fn measure_all(
 }
 
 /// Returns the centroid error against the PSF's width, with bounds; by the first backend.
-#[must_use]
 pub fn chart(rows: &[MethodRow]) -> Chart {
     let backend = rows.first().map_or("", |row| row.backend.as_str());
     let mut series = Vec::new();

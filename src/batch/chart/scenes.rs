@@ -170,7 +170,6 @@ const S4: Scene = Scene {
 };
 
 /// Returns all scenes; a quick run has a smaller S3.
-#[must_use]
 pub fn scenes(quick: bool) -> Vec<Scene> {
     let s3 = if quick { S3_QUICK } else { S3 };
     ACCURACY.into_iter().chain([S1, S2, s3, S4]).collect()
@@ -178,13 +177,11 @@ pub fn scenes(quick: bool) -> Vec<Scene> {
 
 impl Scene {
     /// Returns true when only the time is of interest.
-    #[must_use]
     pub fn is_for_speed(&self) -> bool {
         matches!(self.stars, Stars::Field(_))
     }
 
     /// Returns a scene without motion, through a Gaussian of `sigma_px`.
-    #[must_use]
     pub fn still(sigma_px: f64) -> Self {
         Self { psf: Psf::Gaussian(sigma_px), ..STILL }
     }

@@ -8,7 +8,6 @@ use frames::report::plot::{Axis, Chart, Series, Style};
 use plan::exposure::method::MethodName;
 
 /// Returns charts of the charted scenes with their file names; those of the first backend have the scene's name alone.
-#[must_use]
 pub fn charts(rows: &[MethodRow], scenes: &[Scene], backends: &[&str]) -> Vec<(String, Chart)> {
     let charted = || scenes.iter().filter(|scene| scene.is_charted);
     let named = |(i, backend): (usize, &&str), scene: &Scene| {
@@ -34,7 +33,6 @@ fn family(row: &MethodRow) -> &str {
 }
 
 /// Returns the chart of one scene.
-#[must_use]
 pub fn chart(rows: &[MethodRow], scene: &Scene, backend: &str) -> Chart {
     let rows = rows_of(rows, scene, backend);
     let points: Vec<[f64; 2]> = rows.iter().map(|row| point(row)).collect();

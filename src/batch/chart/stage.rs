@@ -73,7 +73,6 @@ impl Stage {
     }
 
     /// Returns a planner with the default budget.
-    #[must_use]
     pub fn planner(&self, cost: CostModel, choice: MethodChoice) -> Planner {
         let budget = AccuracyBudget::default();
         let mut planner = Planner::new(self.instrument.clone(), budget, cost, choice, self.los.clone());
@@ -83,7 +82,6 @@ impl Stage {
 
     /// Returns `plan` with only those stars whose errors are measured: all separate ones; of a field, isolated bright
     /// ones.
-    #[must_use]
     pub fn measured_part(&self, plan: &ExposurePlan) -> ExposurePlan {
         let mut part = plan.clone();
         if self.is_field {

@@ -148,7 +148,6 @@ impl Truth {
 }
 
 /// Returns a row without values.
-#[must_use]
 pub fn blank_row(scene: &str, backend: &str, choice: MethodChoice) -> MethodRow {
     let (method, parameter) = match choice {
         MethodChoice::Auto => ("auto", None),

@@ -22,7 +22,6 @@ pub struct Effort {
 
 impl Effort {
     /// Returns the effort of a quick run, or a full one.
-    #[must_use]
     pub fn new(quick: bool) -> Self {
         if quick { Self { most_ms: 12.0, most: 40 } } else { Self { most_ms: 60.0, most: 200 } }
     }
@@ -54,7 +53,6 @@ impl Effort {
 }
 
 /// Returns the median; NaN for an empty list.
-#[must_use]
 pub fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(f64::NAN)

@@ -87,7 +87,6 @@ fn changes(fault: &FrameFault) -> Changes {
 }
 
 /// Returns whether a fault changes the detector or the optics for all images after it, until it is taken back.
-#[must_use]
 pub fn stays(fault: &FrameFault) -> bool {
     changes(fault) == Changes::Camera
 }

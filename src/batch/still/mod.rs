@@ -157,37 +157,31 @@ impl Still {
     }
 
     /// Returns the latest image with its truth.
-    #[must_use]
     pub fn frame(&self) -> &SentFrame {
         &self.frame
     }
 
     /// Returns the latest mean electrons, sensor pixel by sensor pixel.
-    #[must_use]
     pub fn mean(&self) -> Electrons<'_> {
         self.engine.imager().latest_mean()
     }
 
     /// Returns the plan of the latest image: methods, bounds and costs.
-    #[must_use]
     pub fn plan(&self) -> &ExposurePlan {
         self.engine.latest_plan()
     }
 
     /// Returns the backend and the detector.
-    #[must_use]
     pub fn imager(&self) -> &Imager {
         self.engine.imager()
     }
 
     /// Returns the camera, the sky and all other parameters as they are drawn with.
-    #[must_use]
     pub fn params(&self) -> &RunParams {
         self.engine.params()
     }
 
     /// Returns the magnitude of the faintest stars of the sky, G.
-    #[must_use]
     pub fn faintest_mag(&self) -> f32 {
         self.faintest_mag
     }

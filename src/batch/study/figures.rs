@@ -141,7 +141,6 @@ fn pointing_error(points: &[StudyPoint]) -> Chart {
 }
 
 /// Returns lines for a terminal.
-#[must_use]
 pub(super) fn table(points: &[StudyPoint]) -> String {
     let head = ["measured", "predicted", "ratio", "allowed"];
     let mut lines = vec![format!(

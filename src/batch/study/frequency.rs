@@ -95,7 +95,6 @@ pub(super) fn margin(study: &Study, latency: Latency) -> Result<Vec<StudyPoint>,
 
 /// Returns crossover, rad/s, and phase margin, rad, from `S` at tones by ascending frequency: gain and phase are
 /// straight lines over the logarithm of the frequency.
-#[must_use]
 pub fn margin_of(tones: &[Tone], sensitivity: &[Complex]) -> Option<(f64, f64)> {
     let open = |s: &Complex| Complex::ONE / *s - Complex::ONE;
     let line = |of: fn(Complex) -> f64| -> Vec<[f64; 2]> {
@@ -111,7 +110,6 @@ pub fn margin_of(tones: &[Tone], sensitivity: &[Complex]) -> Option<(f64, f64)> 
 
 /// Returns the delay margin, s, by a straight line through phase margins, rad, over delays, s: the slope is the
 /// crossover.
-#[must_use]
 pub fn delay_margin_s(points: &[[f64; 2]]) -> Option<f64> {
     let count = points.len() as f64;
     let mean = |k: usize| points.iter().map(|point| point[k]).sum::<f64>() / count;

@@ -83,7 +83,6 @@ pub struct Effort {
 
 impl Effort {
     /// Returns the full scope, for charts.
-    #[must_use]
     pub fn full() -> Self {
         Self {
             shares: vec![0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8],
@@ -106,7 +105,6 @@ impl Effort {
     }
 
     /// Returns a scope of less than half a minute on two cores.
-    #[must_use]
     pub fn quick() -> Self {
         Self {
             shares: vec![0.0, 0.4, 0.8],
@@ -148,7 +146,6 @@ pub struct Studied {
 
 impl Studied {
     /// Returns true when no point was outside its tolerance.
-    #[must_use]
     pub fn is_met(&self) -> bool {
         self.points.iter().all(|point| point.verdict != Agreement::NotMet)
     }
@@ -192,13 +189,11 @@ impl Study {
     }
 
     /// Returns the theoretical loop.
-    #[must_use]
     pub fn paper(&self) -> &LoopOnPaper {
         &self.paper
     }
 
     /// Returns the highest frequency at which theory is checked, the crossover, Hz.
-    #[must_use]
     pub fn bandwidth_hz(&self) -> f64 {
         self.crossover_rad_s / TAU
     }

@@ -61,7 +61,6 @@ pub const JITTER: &str = "jitter_hz";
 
 impl StudyPoint {
     /// Returns a point that passes when it is within `allowed` of the prediction.
-    #[must_use]
     pub fn judged(kind: &'static str, (varied, value): (&'static str, f64), got: [f64; 2], allowed: f64) -> Self {
         let [measured, predicted] = got;
         let is_met = (measured - predicted).abs() <= allowed;

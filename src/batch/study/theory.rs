@@ -30,7 +30,6 @@ pub struct LoopOnPaper {
 
 impl LoopOnPaper {
     /// Returns the loop of a vehicle with its own delay.
-    #[must_use]
     pub fn of(vehicle: &VehicleParams) -> Self {
         let period_s = vehicle.acs.control_period.s();
         let textbook = PointingLoop {
@@ -44,13 +43,11 @@ impl LoopOnPaper {
     }
 
     /// Returns the same loop with another delay from control step to torque.
-    #[must_use]
     pub fn with_delay(&self, delay_s: f64) -> Self {
         Self { textbook: PointingLoop { delay_s, ..self.textbook }, ..*self }
     }
 
     /// Returns the open loop `L(i w)`.
-    #[must_use]
     pub fn open_loop(&self, w_rad_s: f64) -> Complex {
         let half = 0.5 * w_rad_s * self.gyro_period_s;
         let mean = if half == 0.0 { 1.0 } else { half.sin() / half };
@@ -59,13 +56,11 @@ impl LoopOnPaper {
     }
 
     /// Returns `S = 1 / (1 + L)`: the factor on a disturbing angle.
-    #[must_use]
     pub fn sensitivity(&self, w_rad_s: f64) -> Complex {
         Complex::ONE / (Complex::ONE + self.open_loop(w_rad_s))
     }
 
     /// Returns the frequency at which `|L| = 1`, rad/s; `None` if the textbook's loop has none.
-    #[must_use]
     pub fn crossover_rad_s(&self) -> Option<f64> {
         let near = self.textbook.gain_crossover_rad_s()?;
         let (mut below, mut above) = (near / CROSSOVER_FACTOR, near * CROSSOVER_FACTOR);
@@ -81,20 +76,17 @@ impl LoopOnPaper {
     }
 
     /// Returns the phase margin, rad, in `-pi..=pi`; negative when the loop is unstable.
-    #[must_use]
     pub fn phase_margin_rad(&self) -> Option<f64> {
         Some(phase_margin_rad(self.open_loop(self.crossover_rad_s()?)))
     }
 
     /// Returns the delay beyond the present one at which the loop becomes unstable, s.
-    #[must_use]
     pub fn delay_margin_s(&self) -> Option<f64> {
         Some(self.phase_margin_rad()? / self.crossover_rad_s()?)
     }
 
     /// Returns the sigma of the pointing error about one axis, rad. The gyro's lateness counts as the delay with the
     /// same cost in delay margin.
-    #[must_use]
     pub fn pointing_sigma_rad(&self, noise: &PointingNoise) -> f64 {
         let lag_s = self.textbook.delay_margin_s().zip(self.delay_margin_s()).map_or(0.0, |(all, left)| all - left);
         let late = PointingLoop { delay_s: self.textbook.delay_s + lag_s, ..self.textbook };
@@ -103,14 +95,12 @@ impl LoopOnPaper {
 }
 
 /// Returns the phase of `-L`: at the crossover the phase margin, rad.
-#[must_use]
 pub fn phase_margin_rad(open_loop: Complex) -> f64 {
     (-open_loop).argument_rad()
 }
 
 /// Returns the noise of a vehicle whose tracker has this noise, period and latency (middle of the exposure to end of
 /// readout).
-#[must_use]
 pub fn noise_of(vehicle: &VehicleParams, nea_rad: f64, tracker_period_s: f64, latency_s: f64) -> PointingNoise {
     let gyro = GyroNoise {
         arw_rad_sqrt_s: vehicle.gyro.angle_random_walk_rad_sqrt_s,
@@ -123,7 +113,6 @@ pub fn noise_of(vehicle: &VehicleParams, nea_rad: f64, tracker_period_s: f64, la
 
 /// Returns the share of a constant error of the tracker that the steady estimator has adopted `after_s` after its
 /// start: step response of `(k1 s + k2) / (s^2 + k1 s + k2)` with Farrenkopf's gains.
-#[must_use]
 pub fn taken_over(noise: &PointingNoise, after_s: f64) -> f64 {
     let steady = Farrenkopf::new(noise.nea_rad, noise.tracker_period_s, &noise.gyro);
     let (k1, k2) = (steady.attitude_gain / noise.tracker_period_s, -steady.bias_gain_per_s / noise.tracker_period_s);

@@ -9,7 +9,6 @@ use core::f64::consts::TAU;
 use testbed::acs::complex::Complex;
 
 /// Returns the phasor at `frequency_hz` of `samples` taken every `period_s` from `first_s` on.
-#[must_use]
 pub fn phasor(samples: impl ExactSizeIterator<Item = f64>, first_s: f64, period_s: f64, frequency_hz: f64) -> Complex {
     let count = samples.len() as f64;
     let mut sum = Complex::real(0.0);
@@ -24,7 +23,6 @@ pub fn phasor(samples: impl ExactSizeIterator<Item = f64>, first_s: f64, period_
 
 /// Returns the value at `x` of points by ascending `x`, with straight lines between and beyond them; `None` for fewer
 /// than two.
-#[must_use]
 pub fn read_at(points: &[[f64; 2]], x: f64) -> Option<f64> {
     let last = points.len().checked_sub(2)?;
     let k = points.iter().skip(1).position(|point| x < point[0]).unwrap_or(last).min(last);

@@ -82,7 +82,6 @@ pub struct Trace {
 }
 
 /// Returns a scenario at rest on its target for `duration_s`, evaluated in its last `window_s`.
-#[must_use]
 pub fn at_rest(scenario: &Scenario, duration_s: f64, window_s: f64, injection: &Injection) -> Scenario {
     let mut scenario = scenario.clone();
     scenario.bench.timing.duration_s = duration_s;
@@ -146,7 +145,6 @@ pub fn fly(scenario: &Scenario) -> Result<Trace, LoopError> {
 
 impl Trace {
     /// Returns the last `count` samples, if there are as many and all were in fine pointing.
-    #[must_use]
     pub fn last(&self, count: usize) -> Option<&[Sample]> {
         let first = self.samples.len().checked_sub(count)?;
         let last = &self.samples[first..];
@@ -186,7 +184,6 @@ pub fn measured_sensitivity(
 
 /// Returns the settling time of the loop, s: its resonance decays by 5 nepers. Damping ratio about half the phase
 /// margin, at the crossover.
-#[must_use]
 pub fn settling_s(paper: &LoopOnPaper) -> f64 {
     const NEPERS: f64 = 5.0;
     let decay = |(w, margin): (f64, f64)| 0.5 * margin.max(0.05) * w;

@@ -65,13 +65,11 @@ const STANDARD_ERRORS: f64 = 4.0;
 
 impl Comparison {
     /// Returns the ratio of measured to stated value minus 1; the difference itself if the file states zero.
-    #[must_use]
     pub fn error(&self) -> f64 {
         if self.file == 0.0 { self.measured } else { self.measured / self.file - 1.0 }
     }
 
     /// Returns true when the two agree.
-    #[must_use]
     pub fn holds(&self) -> bool {
         self.error().abs() <= self.most.max(STANDARD_ERRORS * self.se)
     }
@@ -79,7 +77,6 @@ impl Comparison {
 
 /// Returns the largest relative difference between the measured response and the one stated by a file, from 5 to 95 %
 /// of saturation. Both are relative to their own slope at the first point of that range.
-#[must_use]
 pub fn response_error(points: &[LightPoint], saturation_e: f64, seen_e: impl Fn(f64) -> f64) -> f64 {
     let judged = points.iter().filter(|p| (0.05..=0.95).contains(&(p.light_e / saturation_e)));
     let ratio = |p: &LightPoint| p.signal_dn / seen_e(p.light_e);
@@ -109,7 +106,6 @@ pub struct Stated {
 impl Stated {
     /// Returns the values for detector parameters in an exposure: noise and patterns of every kind together, as a
     /// laboratory measures them.
-    #[must_use]
     pub fn of(params: &DetectorParams, exposure_s: f64) -> Self {
         let dark_e_per_s = params.operating_dark_e_per_s();
         let LinePattern { column_e_rms, column_gain_rms, row_e_rms } = params.line_pattern;
@@ -133,7 +129,6 @@ pub const DARK_REL: f64 = 0.02;
 
 impl DataSheet {
     /// Returns the sheet beside its file.
-    #[must_use]
     pub fn compare(&self, file: &Stated) -> [Comparison; 8] {
         let line = |name, unit, file, measured| Comparison { name, unit, file, measured, most: SHEET_REL, se: 0.0 };
         [
@@ -157,7 +152,6 @@ impl DataSheet {
     }
 
     /// Returns a chart of variance over signal, with the line of the gain.
-    #[must_use]
     pub fn chart(&self, camera: &str) -> Chart {
         let measured = self.points.iter().map(|p| [p.signal_dn, p.variance_dn2]).collect();
         let line = |p: &LightPoint| [p.signal_dn, p.signal_dn / self.gain_e_per_dn];

@@ -58,7 +58,6 @@ struct Own {
 impl Truth {
     /// Returns the truth about frames of `detector` with this exposure, whose stars have this PSF. Its response must be
     /// linear, and all effects of neighbours off.
-    #[must_use]
     pub fn of(detector: &Detector, psf: PsfModel, exposure_s: f64) -> Self {
         let (params, stated) = (detector.params(), Stated::of(detector.params(), exposure_s));
         Self {
@@ -77,7 +76,6 @@ impl Truth {
 
     /// Returns the electrons of a star whose window has this signal-to-noise ratio: the larger root of `S^2 = snr^2
     /// (S + n v)`.
-    #[must_use]
     pub fn electrons_for_snr(&self, snr: f64) -> f64 {
         let pixels = (2 * HALF_PX + 1).pow(2) as f64;
         let noise = pixels * (self.dark_e + self.white_noise_e2());

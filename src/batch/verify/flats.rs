@@ -17,7 +17,6 @@ pub struct Pair {
 
 impl Pair {
     /// Returns the moments of two images of the same light.
-    #[must_use]
     pub fn of(a: &DnImage, b: &DnImage) -> Self {
         let count = a.pixels().len() as f64;
         let (mut sum_a, mut sum_b, mut squares) = (0_u64, 0_u64, 0.0);
@@ -56,7 +55,6 @@ pub struct Pattern {
 
 impl Stack {
     /// Returns an empty stack for images of this many pixels.
-    #[must_use]
     pub fn new(pixels: usize) -> Self {
         Self { sums: vec![0; pixels], squares: vec![0; pixels], images: 0 }
     }
@@ -71,7 +69,6 @@ impl Stack {
     }
 
     /// Returns the mean and temporal variance of one pixel, DN and DN^2.
-    #[must_use]
     pub fn pixel(&self, at: usize) -> [f64; 2] {
         let images = f64::from(self.images);
         let mean = f64::from(self.sums[at]) / images;
@@ -79,7 +76,6 @@ impl Stack {
     }
 
     /// Returns the moments of the stack, which needs at least two images.
-    #[must_use]
     pub fn pattern(&self) -> Pattern {
         let count = self.sums.len() as f64;
         let [sum, temporal] = (0..self.sums.len()).map(|at| self.pixel(at)).fold([0.0; 2], add);

@@ -12,7 +12,6 @@ pub struct Line {
 
 impl Line {
     /// Returns the line nearest to `[x, y, weight]`; its slope is 0 when all x are equal.
-    #[must_use]
     pub fn through(points: impl Iterator<Item = [f64; 3]> + Clone) -> Self {
         let sums = points
             .clone()
@@ -27,7 +26,6 @@ impl Line {
     }
 
     /// Returns the value at `x`.
-    #[must_use]
     pub fn at(&self, x: f64) -> f64 {
         self.slope.mul_add(x, self.offset)
     }

@@ -62,7 +62,6 @@ pub struct Procedure {
 
 impl Procedure {
     /// Returns EMVA's 50 levels and its minimum of 16 stacked images.
-    #[must_use]
     pub fn new(exposure_s: f64, longest_dark_s: f64) -> Self {
         Self { exposure_s, longest_dark_s, levels: 50, darks: 8, stacked: 32, fitted: 0.7 }
     }

@@ -36,7 +36,6 @@ pub struct StarField {
 
 impl StarField {
     /// Returns as many cells as fit a detector of `size_px`, assigned to the brightnesses and to empty places.
-    #[must_use]
     pub fn new(size_px: [usize; 2], electrons: Vec<f64>, seed: u32) -> Self {
         let [columns, rows] = size_px.map(|side| side / CELL_PX);
         let mut cells: Vec<u32> = (0..).take(columns * rows).collect();
@@ -57,7 +56,6 @@ impl StarField {
     }
 
     /// Returns its stars for a planner.
-    #[must_use]
     pub fn sources(&self) -> Vec<Source> {
         let source = |(id, star): (u32, &FieldStar)| Source {
             id,

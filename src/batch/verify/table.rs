@@ -4,7 +4,6 @@ use crate::verify::data_sheet::Comparison;
 use crate::verify::fidelity::Fidelity;
 
 /// Returns the sheet beside the values of its file.
-#[must_use]
 pub fn data_sheet(lines: &[Comparison]) -> String {
     let mut text = format!("  {:<18} {:>12} {:>12}  {:<7} {:>10}\n", "", "file", "measured", "", "difference");
     for line in lines {
@@ -25,7 +24,6 @@ fn short(value: f64) -> String {
 }
 
 /// Returns errors by brightness; `mag_of` converts electrons to a magnitude.
-#[must_use]
 pub fn fidelity(table: &Fidelity, mag_of: impl Fn(f64) -> f64) -> String {
     let mut text = format!(
         "  {:>6} {:>10} {:>5} {:>8} {:>15} {:>17} {:>10} {:>9} {:>9} {:>8}\n",

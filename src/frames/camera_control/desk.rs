@@ -54,7 +54,6 @@ pub struct DeskEnd {
 }
 
 /// Makes both ends.
-#[must_use]
 pub fn desk() -> (CameraDesk, DeskEnd) {
     let (commands, taken) = bounded(PLACES);
     let (reported, events) = bounded(PLACES);

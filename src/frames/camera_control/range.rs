@@ -10,7 +10,6 @@ pub const EXPOSURE_LEAST: Span = Span::from_ns(10_000);
 pub const GAIN_MAX_DB: f64 = 48.0;
 
 /// Returns the longest integration time that a command may ask of a camera with such an own one, s.
-#[must_use]
 pub fn longest_exposure_s(own_s: f64) -> f64 {
     own_s.max(1.0)
 }

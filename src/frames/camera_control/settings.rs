@@ -18,7 +18,6 @@ pub struct CameraSettings {
 
 impl CameraSettings {
     /// Returns the factor of the numbers of an image by its gain.
-    #[must_use]
     pub fn gain_factor(&self) -> f64 {
         if self.gain_db == 0.0 { 1.0 } else { 10_f64.powf(self.gain_db / 20.0) }
     }
@@ -50,7 +49,6 @@ impl TriggerSource {
     ];
 
     /// Returns its name in files and messages.
-    #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Software => "software",
@@ -81,13 +79,11 @@ impl TriggerSources {
     pub const ALL: Self = Self(31);
 
     /// Returns the set of one source.
-    #[must_use]
     pub const fn only(source: TriggerSource) -> Self {
         Self(source.bit())
     }
 
     /// Returns true when triggers of this source start exposures.
-    #[must_use]
     pub const fn has(self, source: TriggerSource) -> bool {
         self.0 & source.bit() != 0
     }
@@ -147,7 +143,6 @@ pub struct StartSettings {
 impl StartSettings {
     /// Returns those of a camera that runs free with this period: triggers of every source count once it waits for
     /// them.
-    #[must_use]
     pub const fn free_running(period: Span) -> Self {
         Self {
             is_triggered: false,

@@ -19,7 +19,6 @@ macro_rules! ends {
             pub const ALL: [Self; [$($name),*].len()] = [$(Self::$end),*];
 
             /// Returns the name in files.
-            #[must_use]
             pub const fn name(self) -> &'static str {
                 match self {
                     $(Self::$end => $name,)*
@@ -27,7 +26,6 @@ macro_rules! ends {
             }
 
             /// Returns the words that follow a count.
-            #[must_use]
             pub const fn words(self) -> &'static str {
                 match self {
                     $(Self::$end => $words,)*
@@ -88,13 +86,11 @@ impl FrameAccount {
     }
 
     /// Returns the frames with this end.
-    #[must_use]
     pub fn of(&self, end: FrameEnd) -> Tally {
         self.tallies[end as usize]
     }
 
     /// Returns the number of all frames: those that the bench promised, once its run has ended.
-    #[must_use]
     pub fn scheduled(&self) -> u64 {
         self.tallies.iter().map(|tally| tally.count).sum()
     }

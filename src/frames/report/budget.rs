@@ -48,7 +48,6 @@ pub enum LineVerdict {
 
 impl LineVerdict {
     /// Returns the verdict in words.
-    #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Met => "met",
@@ -92,7 +91,6 @@ impl BudgetLine {
     }
 
     /// Returns the fault of the line in one sentence; `None` unless its limit is broken.
-    #[must_use]
     pub fn complaint(&self) -> Option<String> {
         if self.verdict != LineVerdict::Broken {
             return None;
@@ -109,7 +107,6 @@ impl BudgetLine {
 }
 
 /// Returns every line: the stages in order (except the wait), the latency, the missed slots.
-#[must_use]
 pub fn budget_lines(limits: &BudgetLimits, stages: &StageHistograms, ring: &FrameRing) -> Vec<BudgetLine> {
     let of_stage = |stage: &Stage| {
         let limit = limits.stage_p99_ms[*stage as usize];
@@ -186,7 +183,6 @@ impl BudgetReport {
 
     /// Returns the cause of the broken budget: of the broken stages of work the one that is furthest over its limit;
     /// else the cause of most misses; else the longest stage, or the first broken line. `None` when the budget is met.
-    #[must_use]
     pub fn culprit(&self) -> Option<String> {
         let first = self.broken().next()?;
         let is_work = |line: &&BudgetLine| Stage::OF_A_FRAME.iter().any(|stage| stage.name() == line.name);

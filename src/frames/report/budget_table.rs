@@ -7,7 +7,6 @@ use std::collections::BTreeMap;
 const ENOUGH_FOR_P99: u64 = 100;
 
 /// Lays out a report; ends in a line break.
-#[must_use]
 pub fn budget_table(report: &BudgetReport) -> String {
     let mut lines = vec![
         format!(

@@ -24,7 +24,6 @@ impl Fate {
     pub const ALL: [Self; 4] = [Self::Sent, Self::Late, Self::Held, Self::Dropped];
 
     /// Returns the name in tables and files.
-    #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Sent => "sent",
@@ -64,7 +63,6 @@ impl MissCause {
     }
 
     /// Returns the place among all causes.
-    #[must_use]
     pub fn index(self) -> usize {
         match self {
             Self::ReleasedLate => 0,
@@ -76,7 +74,6 @@ impl MissCause {
     }
 
     /// Returns the cause in words.
-    #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::ReleasedLate => "released late by the system",
@@ -144,7 +141,6 @@ pub struct FrameRecord {
 
 impl FrameRecord {
     /// Returns the record of a slot whose frame thread has just woken; nothing else has happened.
-    #[must_use]
     pub fn released(number: u32, [exposure_start, release, due]: [Tai; 3], [asked, woken]: [Tai; 2]) -> Self {
         let mut times = StageTimes::default();
         times.set(Stage::Wait, woken - asked);
@@ -179,21 +175,18 @@ impl FrameRecord {
     }
 
     /// Returns whether the slot was missed.
-    #[must_use]
     pub fn is_missed(&self) -> bool {
         self.cause.is_some()
     }
 
     /// Returns why a slot began too late for its frame to be drawn at all: its thread was at the frames before, or
     /// asleep.
-    #[must_use]
     pub fn cause_of_late_start(&self) -> MissCause {
         if self.asked > self.release { MissCause::FramesBefore } else { MissCause::ReleasedLate }
     }
 
     /// Returns why a frame that was drawn was late: the stage that took longest beyond its median. Where no excess
     /// explains half of the lateness (every frame is late), the stage that took longest.
-    #[must_use]
     pub fn cause_of_lateness(&self, usual: &StageHistograms) -> MissCause {
         let run = || Stage::OF_A_FRAME.into_iter().filter_map(|stage| self.times.get(stage).map(|time| (stage, time)));
         let beyond = |(stage, time): (Stage, Span)| (stage, time.ms() - usual.median_ms(stage));

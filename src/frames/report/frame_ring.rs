@@ -32,7 +32,6 @@ pub struct Latency {
 
 impl Latency {
     /// Returns the quantiles with their names, in order.
-    #[must_use]
     pub fn named(&self) -> [(&'static str, &Quantiles); 4] {
         [
             ("epoch_to_submitted", &self.epoch_to_submitted),
@@ -57,7 +56,6 @@ pub struct FrameRing {
 
 impl FrameRing {
     /// Returns a ring for the last `frames` frames of each of `heads`; it keeps counts alone when `frames` is 0.
-    #[must_use]
     pub fn with_capacity(frames: usize, heads: usize) -> Self {
         let capacity = frames * heads;
         Self { records: Vec::with_capacity(capacity), capacity, heads, ..Self::default() }
@@ -106,32 +104,27 @@ impl FrameRing {
     }
 
     /// Slots so far.
-    #[must_use]
     pub fn total(&self) -> u64 {
         self.total
     }
 
     /// Slots with this fate.
-    #[must_use]
     pub fn count(&self, fate: Fate) -> u64 {
         self.fates[fate as usize]
     }
 
     /// Slots missed.
-    #[must_use]
     pub fn missed(&self) -> u64 {
         self.causes.iter().sum()
     }
 
     /// Slots missed by cause, those that occurred.
-    #[must_use]
     pub fn misses(&self) -> BTreeMap<String, u64> {
         let counts = MissCause::all().zip(self.causes).filter(|(_, count)| *count > 0);
         counts.map(|(cause, count)| (cause.name().to_owned(), count)).collect()
     }
 
     /// Returns the latency of the frames delivered so far.
-    #[must_use]
     pub fn latency(&self) -> Latency {
         let of = &self.latency;
         Latency {
@@ -151,7 +144,6 @@ impl FrameRing {
     }
 
     /// Returns the `count` records with the greatest lateness, worst first.
-    #[must_use]
     pub fn worst(&self, count: usize) -> Vec<FrameRecord> {
         let mut records: Vec<FrameRecord> = self.last().copied().collect();
         records.sort_by_key(|record| core::cmp::Reverse((record.is_missed(), record.lateness)));

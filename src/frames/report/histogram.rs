@@ -62,13 +62,11 @@ impl StageHistogram {
     }
 
     /// Returns the same times in few bins, small enough to be copied while the run goes on.
-    #[must_use]
     pub fn tally(&self) -> &TimeTally {
         &self.tally
     }
 
     /// Returns the median of the times so far, ms; 0 when nothing was recorded. Cheaper than all quantiles.
-    #[must_use]
     pub fn median_ms(&self) -> f64 {
         self.at_ms(0.5)
     }
@@ -82,7 +80,6 @@ impl StageHistogram {
     }
 
     /// Returns the summary of the times so far.
-    #[must_use]
     pub fn quantiles(&self) -> Quantiles {
         let count = self.histogram.len();
         if count == 0 {
@@ -134,7 +131,6 @@ impl CountHistogram {
     }
 
     /// Returns the summary of the counts so far.
-    #[must_use]
     pub fn spread(&self) -> CountSpread {
         if self.histogram.is_empty() {
             return CountSpread::default();

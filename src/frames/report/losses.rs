@@ -23,7 +23,6 @@ pub enum LostPart {
 
 impl LostPart {
     /// Returns the name in files.
-    #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Sink => "sink",
@@ -54,7 +53,6 @@ pub struct Losses(Vec<LossLine>);
 
 impl Losses {
     /// Lists the sinks that did not take every frame, or failed in another way.
-    #[must_use]
     pub fn of_sinks(rows: &[SinkRow]) -> Self {
         Self(rows.iter().filter_map(of_sink).collect())
     }
@@ -86,13 +84,11 @@ impl Losses {
     }
 
     /// Returns true when nothing was lost.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
     /// Returns the losses, in the order in which they were recorded.
-    #[must_use]
     pub fn lines(&self) -> &[LossLine] {
         &self.0
     }

@@ -15,7 +15,6 @@ pub struct Machine {
 
 impl Machine {
     /// Asks the system.
-    #[must_use]
     pub fn read() -> Self {
         let cpuinfo = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
         Self {

@@ -30,7 +30,6 @@ pub struct Progress {
 }
 
 /// Returns the line without a line break, at most `width` characters; a cut line ends in `…`.
-#[must_use]
 pub fn progress_line(p: &Progress, width: usize) -> String {
     let frames = p.frames.map_or_else(|| Cow::Borrowed("-"), |n| n.to_string().into());
     let line = format!(
@@ -42,7 +41,6 @@ pub fn progress_line(p: &Progress, width: usize) -> String {
 
 /// Returns one line about a job after `elapsed_s`, with `done` of `total` parts done: the next part, and the time left
 /// where it can be estimated; at most `width` characters.
-#[must_use]
 pub fn step_line(done: usize, total: usize, elapsed_s: f64, next: &str, width: usize) -> String {
     let left = match done {
         0 => String::new(),

@@ -48,7 +48,6 @@ impl<const MOST: usize> NamedCounts<MOST> {
     }
 
     /// Returns the number of names that did not fit.
-    #[must_use]
     pub fn left_out(&self) -> usize {
         self.left_out
     }
@@ -133,13 +132,11 @@ impl RunNumbers {
     }
 
     /// Returns the number of ports that are not reported.
-    #[must_use]
     pub fn ports_left_out(&self) -> usize {
         self.port_count.saturating_sub(PORTS_MAX)
     }
 
     /// Returns the ports that are reported.
-    #[must_use]
     pub fn ports(&self) -> &[PortCounts] {
         &self.ports[..self.port_count.min(PORTS_MAX)]
     }

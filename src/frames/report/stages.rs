@@ -17,7 +17,6 @@ macro_rules! stages {
             pub const ALL: [Self; [$($name),*].len()] = [$(Self::$stage),*];
 
             /// Returns the name in tables and files.
-            #[must_use]
             pub const fn name(self) -> &'static str {
                 match self {
                     $(Self::$stage => $name,)*
@@ -87,7 +86,6 @@ impl Stage {
     ];
 
     /// Returns the stage of that name.
-    #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|stage| stage.name() == name)
     }
@@ -113,7 +111,6 @@ impl StageTimes {
     }
 
     /// Returns the time of a stage; `None` when the frame did not go through it.
-    #[must_use]
     pub fn get(&self, stage: Stage) -> Option<Span> {
         self.spans[stage as usize]
     }
@@ -147,25 +144,21 @@ impl StageHistograms {
     }
 
     /// Returns the summary of one stage so far.
-    #[must_use]
     pub fn of(&self, stage: Stage) -> Quantiles {
         self.histograms[stage as usize].quantiles()
     }
 
     /// Returns every stage so far in few bins, in the order of [`Stage::ALL`]: a copy, without allocation.
-    #[must_use]
     pub fn tallies(&self) -> [TimeTally; Stage::COUNT] {
         core::array::from_fn(|i| *self.histograms[i].tally())
     }
 
     /// Returns the median of one stage so far, ms.
-    #[must_use]
     pub fn median_ms(&self, stage: Stage) -> f64 {
         self.histograms[stage as usize].median_ms()
     }
 
     /// Returns the summary of every stage so far, in the order of [`Stage::ALL`].
-    #[must_use]
     pub fn quantiles(&self) -> [Quantiles; Stage::COUNT] {
         Stage::ALL.map(|stage| self.of(stage))
     }

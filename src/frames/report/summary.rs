@@ -147,7 +147,6 @@ pub struct EventLine {
 
 impl RunSummary {
     /// Returns the summary of a run that has not begun: names empty, counts zero.
-    #[must_use]
     pub fn empty(machine: Machine) -> Self {
         Self {
             verdict: RunVerdict { word: RunWord::Ok, reasons: Vec::new(), limits_used: Vec::new() },

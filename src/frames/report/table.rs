@@ -21,7 +21,6 @@ const FOREIGN: [&str; 1] = ["UnknownId"];
 const MARKS: [&str; 2] = ["late_time_mark", "outlier_time_mark"];
 
 /// Lays out a summary; ends in a line break.
-#[must_use]
 pub fn summary_table(summary: &RunSummary) -> String {
     let mut lines = Vec::new();
     push_run(&mut lines, summary);
@@ -37,7 +36,6 @@ pub fn summary_table(summary: &RunSummary) -> String {
 }
 
 /// Lays out the most important numbers of a summary; ends in a line break.
-#[must_use]
 pub fn short_table(s: &RunSummary) -> String {
     let f = &s.frames;
     let times = |q: &Quantiles| format!("p50 {:.3} ms, p99 {:.3} ms, longest {:.3} ms", q.p50_ms, q.p99_ms, q.max_ms);

@@ -62,32 +62,27 @@ impl TimeTally {
     }
 
     /// Returns times recorded.
-    #[must_use]
     pub fn count(&self) -> u64 {
         self.count
     }
 
     /// Returns the sum of the times, s.
-    #[must_use]
     pub fn sum_s(&self) -> f64 {
         self.sum_ns as f64 / 1e9
     }
 
     /// Returns the longest time, exact, ms; 0 when nothing was recorded.
-    #[must_use]
     pub fn max_ms(&self) -> f64 {
         self.max_ns as f64 / 1e6
     }
 
     /// Returns the mean time, exact, ms; 0 when nothing was recorded.
-    #[must_use]
     pub fn mean_ms(&self) -> f64 {
         self.sum_ns as f64 / self.count.max(1) as f64 / 1e6
     }
 
     /// Returns the time below which a share `q` (0 to 1) of the times lies, ms: interpolated in its bin, and never
     /// above the longest. 0 when nothing was recorded.
-    #[must_use]
     pub fn quantile_ms(&self, q: f64) -> f64 {
         let rank = q.clamp(0.0, 1.0) * self.count as f64;
         let mut below = 0.0;

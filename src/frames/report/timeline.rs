@@ -34,7 +34,6 @@ struct Bar {
 }
 
 /// Draws the records in the order given.
-#[must_use]
 pub fn timeline_svg(title: &str, records: &[FrameRecord]) -> String {
     let rows: Vec<Vec<Bar>> = records.iter().map(bars).collect();
     let due_ms = records.iter().map(|record| (record.due - record.release).ms()).fold(0.0, f64::max);

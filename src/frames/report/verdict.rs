@@ -33,7 +33,6 @@ pub enum RunWord {
 
 impl RunWord {
     /// Returns the word.
-    #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Ok => "ok",
@@ -139,7 +138,6 @@ impl RunLimits {
 
 impl RunLimits {
     /// Returns the word that an account leads to.
-    #[must_use]
     pub fn word(&self, account: &FrameAccount) -> RunWord {
         let word_of = |end| self.of(end).filter(|(_, _, limit)| account.of(end).count > u64::from(*limit));
         let words = FrameEnd::ALL.into_iter().filter_map(|end| word_of(end).map(|(word, ..)| word));
@@ -150,7 +148,6 @@ impl RunLimits {
 impl RunVerdict {
     /// Returns the verdict on the frames alone: `zero` is the first exposure, `cause` says why frames ended as they did,
     /// or returns an empty text.
-    #[must_use]
     pub fn of_frames(
         account: &FrameAccount,
         limits: &RunLimits,
@@ -197,7 +194,6 @@ impl RunVerdict {
     }
 
     /// Returns the reasons on one line.
-    #[must_use]
     pub fn reasons_line(&self) -> String {
         let texts: Vec<&str> = self.reasons.iter().map(|reason| reason.text.as_str()).collect();
         texts.join("; ")

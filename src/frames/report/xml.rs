@@ -1,7 +1,6 @@
 //! Text as XML wants it.
 
 /// Escapes text for elements and attributes; characters that XML does not allow become spaces.
-#[must_use]
 pub fn escaped(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for c in text.chars() {

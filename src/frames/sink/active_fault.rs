@@ -57,13 +57,11 @@ impl ActiveFaults {
     }
 
     /// Returns the faults that are named.
-    #[must_use]
     pub fn named(&self) -> &[ActiveFault] {
         &self.list[..self.count.min(NAMED_FAULTS)]
     }
 
     /// Returns how many there are, named or not.
-    #[must_use]
     pub fn count(&self) -> usize {
         self.count
     }

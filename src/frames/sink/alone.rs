@@ -14,7 +14,6 @@ pub struct Alone {
 
 impl Alone {
     /// Wraps a sink that the bench names at `place`.
-    #[must_use]
     pub fn new(place: String, sink: Box<dyn Sink>) -> Self {
         let line = SinkLine { place, kind: sink.name(), ..SinkLine::default() };
         Self { sink, line }

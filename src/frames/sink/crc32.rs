@@ -30,14 +30,12 @@ impl Crc32 {
     }
 
     /// Returns the checksum of everything taken in so far.
-    #[must_use]
     pub fn value(self) -> u32 {
         self.value
     }
 }
 
 /// Returns the CRC-32 of an image's pixels.
-#[must_use]
 pub fn pixel_crc32(image: &DnImage) -> u32 {
     let mut crc = Crc32::default();
     crc.update_words(image.pixels());
@@ -56,7 +54,6 @@ impl RunCrc32 {
     }
 
     /// Returns the checksum of the frames so far.
-    #[must_use]
     pub fn value(self) -> u32 {
         self.0.value()
     }

@@ -30,7 +30,6 @@ impl From<FaultPixels> for DefectSpots {
 
 impl DefectSpots {
     /// Returns true if a pixel that is given is beyond so many columns and rows.
-    #[must_use]
     pub fn are_outside(&self, [width, height]: [usize; 2]) -> bool {
         let beyond = |place: Option<u32>, side: usize| place.is_some_and(|place| place as usize >= side);
         let [x, y] = [0, 1].map(|axis| self.pixels.at.map(|px| px[axis]));

@@ -26,25 +26,21 @@ impl FaultFlags {
     pub const NONE: Self = Self(0);
 
     /// Returns the set as a word, for files and the wire.
-    #[must_use]
     pub const fn bits(self) -> u32 {
         self.0
     }
 
     /// Returns the set from a word; bits without a name are kept.
-    #[must_use]
     pub const fn from_bits(bits: u32) -> Self {
         Self(bits)
     }
 
     /// Returns whether no fault is in the set.
-    #[must_use]
     pub const fn is_empty(self) -> bool {
         self.0 == 0
     }
 
     /// Returns whether every fault of `other` is in the set.
-    #[must_use]
     pub const fn contains(self, other: Self) -> bool {
         self.0 & other.0 == other.0
     }

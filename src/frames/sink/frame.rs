@@ -29,7 +29,6 @@ pub struct SentFrame {
 
 impl SentFrame {
     /// Buffers for frames of `width` by `height` pixels; up to `max_stars` stars fit without allocation.
-    #[must_use]
     pub fn with_capacity(width: usize, height: usize, max_stars: usize, camera: Arc<str>) -> Self {
         Self {
             image: DnImage::new(width, height),
@@ -40,7 +39,6 @@ impl SentFrame {
     }
 
     /// Returns a copy with the same capacity for stars, every page of it written to.
-    #[must_use]
     pub fn touched_copy(&self) -> Self {
         let mut copy = self.clone();
         copy.truth.resize(self.truth.capacity(), TruthStar::NONE);
@@ -95,7 +93,6 @@ impl TruthKind {
     ];
 
     /// Returns its word in files.
-    #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Star => "star",
@@ -261,7 +258,6 @@ pub struct CameraFacts {
 
 impl FrameMeta {
     /// Returns the metadata of a frame that has not been exposed yet.
-    #[must_use]
     pub fn empty(camera: Arc<str>) -> Self {
         Self {
             number: 0,
@@ -308,13 +304,11 @@ impl FrameMeta {
     }
 
     /// Returns the start of the exposure.
-    #[must_use]
     pub fn exposure_start(&self) -> Tai {
         self.mid_exposure - Span::from_s(self.exposure_s / 2.0)
     }
 
     /// Returns the end of the exposure.
-    #[must_use]
     pub fn exposure_end(&self) -> Tai {
         self.exposure_start() + Span::from_s(self.exposure_s)
     }

@@ -244,19 +244,16 @@ impl FrameFault {
     }
 
     /// Returns its word in files.
-    #[must_use]
     pub fn name(self) -> &'static str {
         self.facts().0
     }
 
     /// Returns the flag it sets in the frames it hits.
-    #[must_use]
     pub fn flag(self) -> FaultFlags {
         self.facts().1
     }
 
     /// Returns how much of it a frame has when `share` of its time is over.
-    #[must_use]
     pub fn amount(self, share: f64) -> Amount {
         let Facts(_, _, [from, to], unit) = self.facts();
         let value = if from == to { from } else { from + (to - from) * share };
@@ -264,7 +261,6 @@ impl FrameFault {
     }
 
     /// Returns the pixels that it names, and the image on which they are counted.
-    #[must_use]
     pub fn spots(self) -> Option<(PixelsOf, DefectSpots)> {
         match self {
             Self::BitFlip { pixels, .. } => Some((PixelsOf::Images, pixels.into())),

@@ -210,7 +210,6 @@ pub fn read_frame_log(input: impl Read) -> Result<Vec<FrameRow>, SinkError> {
 }
 
 /// Returns the name of the file in a recording.
-#[must_use]
 pub fn path_in(directory: &Path) -> PathBuf {
     directory.join("frames.csv")
 }

@@ -38,7 +38,6 @@ pub struct SinkLine {
 
 impl SinkLine {
     /// Returns the line of a sink that is alone.
-    #[must_use]
     pub fn alone(sink: &dyn Sink, summary: Option<&SinkSummary>) -> Self {
         let mut line = Self { place: "sink".into(), kind: sink.name(), counts: sink.counts(), ..Self::default() };
         if let Some(summary) = summary {
@@ -48,7 +47,6 @@ impl SinkLine {
     }
 
     /// Returns true if a frame was refused, or the sink failed in another way: a drop alone does not count.
-    #[must_use]
     pub fn has_failed(&self) -> bool {
         self.first_error.is_some() || self.is_lost || self.refused > 0
     }
@@ -61,7 +59,6 @@ impl SinkLine {
 }
 
 /// Returns the lines of a sink that has finished: its own when it is several, else one.
-#[must_use]
 pub fn sink_lines(sink: &dyn Sink, summary: Option<&SinkSummary>) -> Vec<SinkLine> {
     let lines = sink.lines();
     if lines.is_empty() { vec![SinkLine::alone(sink, summary)] } else { lines }

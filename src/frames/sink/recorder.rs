@@ -165,7 +165,6 @@ impl FrameFiles {
 }
 
 /// Returns the path of one file of a frame: `frame_000012.<ending>`.
-#[must_use]
 pub fn frame_path(directory: &Path, number: u32, ending: &str) -> PathBuf {
     directory.join(format!("frame_{number:06}.{ending}"))
 }

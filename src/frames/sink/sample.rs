@@ -11,7 +11,6 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Returns a small frame with something in every field, for tests of sinks.
-#[must_use]
 pub fn sample_frame(number: u32) -> SentFrame {
     let mut frame = SentFrame::with_capacity(31, 17, 4, "test camera, \"A\"".into());
     for (i, pixel) in frame.image.pixels_mut().iter_mut().enumerate() {
@@ -75,7 +74,6 @@ pub fn sample_frame(number: u32) -> SentFrame {
 
 /// Returns [`sample_frame`] as other outputs see it: without a camera's numbers and a map of the sky, with codes of
 /// luminance in place of DN, binned, windowed, read out as a whole, and with no fault.
-#[must_use]
 pub fn bare_sample_frame(number: u32) -> SentFrame {
     let mut frame = sample_frame(number);
     (frame.meta.facts, frame.meta.wcs, frame.meta.gain_e_per_dn) = (None, None, f64::NAN);
@@ -95,7 +93,6 @@ pub fn compare_with_pinned(name: &str, got: &str) -> Result<(), String> {
 }
 
 /// Returns true when the text of an output is not the one that is kept: for negative controls.
-#[must_use]
 pub fn differs_from_pinned(name: &str, got: &str) -> bool {
     std::fs::read_to_string(pinned(name)).is_ok_and(|wanted| wanted != got)
 }
@@ -124,7 +121,6 @@ pub fn compare_with_file(path: &Path, got: &str) -> Result<(), String> {
 }
 
 /// Returns bytes as text, 16 of them in a line after their place.
-#[must_use]
 pub fn hex_lines(bytes: &[u8]) -> String {
     let line = |(i, part): (usize, &[u8])| {
         let bytes: Vec<String> = part.iter().map(|byte| format!("{byte:02x}")).collect();

@@ -56,7 +56,6 @@ impl SerFile {
     }
 
     /// Returns frames in it.
-    #[must_use]
     pub fn frames(&self) -> usize {
         self.times.len()
     }

@@ -56,7 +56,6 @@ const SLOT_HEAD_BYTES: u64 = size_of::<SlotHead>() as u64;
 const FILLED_BYTES: usize = 64 * 1024;
 
 /// Returns the size of a ring of `slots` frames of `size_px` (columns, rows), bytes.
-#[must_use]
 pub fn ring_bytes(size_px: [usize; 2], slots: u32) -> u64 {
     FILE_HEAD_BYTES + u64::from(slots.max(1)) * slot_bytes(size_px)
 }

@@ -25,7 +25,6 @@ pub struct Stretch {
 
 impl Stretch {
     /// Fits the scale to 16-bit pixels.
-    #[must_use]
     pub fn of_dn(pixels: &[u16]) -> Self {
         let mut counts = vec![0_usize; 1 << 16];
         pixels.iter().for_each(|&v| counts[usize::from(v)] += 1);
@@ -42,7 +41,6 @@ impl Stretch {
     }
 
     /// Fits the scale to real pixels; those that are not finite do not count.
-    #[must_use]
     pub fn of_electrons(pixels: &[f32]) -> Self {
         let mut finite: Vec<f32> = pixels.iter().copied().filter(|v| v.is_finite()).collect();
         let quantile = |q: f64| {
@@ -62,7 +60,6 @@ impl Stretch {
     }
 
     /// Returns the grey of one pixel value; black when it is not a number.
-    #[must_use]
     pub fn grey(&self, value: f64) -> u8 {
         // A float-to-int cast saturates, and takes NaN to 0.
         (((value - self.black) / self.soft).asinh() * self.grey_per_asinh).round() as u8

@@ -40,7 +40,6 @@ pub struct TapEnd {
 }
 
 /// Returns a tap that holds `space` frames of `size_px` (columns, rows), and its other end.
-#[must_use]
 pub fn tap(size_px: [usize; 2], space: usize) -> (Tap, TapEnd) {
     let (full, to_take) = bounded(space);
     let (given_back, empty) = bounded(space);
@@ -59,7 +58,6 @@ pub fn tap(size_px: [usize; 2], space: usize) -> (Tap, TapEnd) {
 
 impl Tap {
     /// Returns frames that the other end was too slow to take.
-    #[must_use]
     pub fn lost(&self) -> u64 {
         self.lost
     }
@@ -67,7 +65,6 @@ impl Tap {
 
 impl TapEnd {
     /// Returns the oldest frame not yet taken; give it back with [`Self::give_back`].
-    #[must_use]
     pub fn take(&self) -> Option<TappedFrame> {
         self.full.try_recv().ok()
     }

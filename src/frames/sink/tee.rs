@@ -10,7 +10,6 @@ pub struct Tee {
 
 impl Tee {
     /// Joins two sinks; name and summary are the first one's.
-    #[must_use]
     pub fn new(first: Box<dyn Sink>, second: Box<dyn Sink>) -> Self {
         Self { first, second }
     }

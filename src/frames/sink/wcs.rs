@@ -55,19 +55,16 @@ pub struct Wcs {
 
 impl Wcs {
     /// Returns whether the header has polynomials.
-    #[must_use]
     pub fn has_sip(&self) -> bool {
         self.sip.is_some() || self.quadratic_px != [[0.0; 3]; 2]
     }
 
     /// Returns the order of the polynomials from pixels and to pixels.
-    #[must_use]
     pub fn orders(&self) -> [u8; 2] {
         self.sip.as_ref().map_or([2; 2], |sip| [sip.order.max(2), sip.inverse_order.max(2)])
     }
 
     /// Returns the coefficients of `u^i v^j` from pixels, px: those of the lens and of the frame together.
-    #[must_use]
     pub fn forward(&self, i: u8, j: u8) -> [f64; 2] {
         let lens = self.sip.as_ref().map_or([0.0; 2], |sip| coefficient(&sip.forward, i, j));
         let own = self.own(i, j);
@@ -75,7 +72,6 @@ impl Wcs {
     }
 
     /// Returns the coefficients of `U^i V^j` to pixels, px. The terms of the frame are small enough to be subtracted.
-    #[must_use]
     pub fn inverse(&self, i: u8, j: u8) -> [f64; 2] {
         let lens = self.sip.as_ref().map_or([0.0; 2], |sip| coefficient(&sip.inverse, i, j));
         let own = self.own(i, j);

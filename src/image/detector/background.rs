@@ -26,7 +26,6 @@ impl Background {
     pub const DARK: Self = Self { uniform_e: 0.0, gradient_e: [0.0; 2], quadratic_e: 0.0, sky_e: 0.0 };
 
     /// Returns the same in every pixel.
-    #[must_use]
     pub const fn uniform(uniform_e: f32) -> Self {
         Self { uniform_e, ..Self::DARK }
     }

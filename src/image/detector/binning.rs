@@ -44,7 +44,6 @@ pub struct Binning {
 
 impl Binning {
     /// Returns the size of the ADC's image of a sensor, pixels.
-    #[must_use]
     pub fn adc_size_px(binning: Option<Self>, sensor_px: [usize; 2]) -> [usize; 2] {
         match binning {
             Some(Self { factor, kind: BinningKind::Charge { .. } }) => sensor_px.map(|side| side / factor as usize),
@@ -63,7 +62,6 @@ pub struct ChargeBinningStage {
 
 impl ChargeBinningStage {
     /// Returns the binning of sensor images of this size; remaining rows and columns that fill no square are not read.
-    #[must_use]
     #[allow(clippy::cast_possible_truncation, reason = "the inner loops work in single precision")]
     pub fn new(factor: u32, full_well_e: f64, sensor_px: [usize; 2]) -> Self {
         let factor = factor.max(1) as usize;
@@ -96,7 +94,6 @@ impl NeighbourStage for ChargeBinningStage {
 }
 
 /// Returns a map of offsets for binned pixels, summed as the charge is.
-#[must_use]
 pub fn sums_of_squares(map: &[f32], [width, height]: [usize; 2], factor: u32) -> Arc<[f32]> {
     let by = factor.max(1) as usize;
     let rows = |x: usize, y: usize| (0..by).map(move |dy| (y * by + dy) * width + x * by);

@@ -23,7 +23,6 @@ pub struct Words {
 
 impl Words {
     /// Returns a block without random words.
-    #[must_use]
     pub fn new() -> Self {
         Self { read_a: [0; PAIRS], read_b: [0; PAIRS], shot: [0; PAIRS] }
     }
@@ -47,7 +46,6 @@ impl Words {
 
     /// Returns the shot noise word of every pixel.
     #[inline(always)]
-    #[must_use]
     pub fn shot(&self) -> &[u32; BLOCK] {
         bytemuck::cast_ref(&self.shot)
     }

@@ -25,7 +25,6 @@ pub struct Blooming {
 
 impl Blooming {
     /// Returns the share of the excess that goes each way.
-    #[must_use]
     #[allow(clippy::cast_possible_truncation, reason = "the inner loops work in single precision")]
     pub fn each_way(&self) -> f32 {
         (0.5 * (1.0 - self.drained_share)) as f32
@@ -51,7 +50,6 @@ struct Column {
 
 impl BloomingStage {
     /// Returns the stage for images of this size.
-    #[must_use]
     pub fn new(blooming: &Blooming, full_well_e: f32, [width, height]: [usize; 2]) -> Self {
         let row = || vec![0.0; height];
         let column = Column { charge_e: row(), down_first: row(), up_first: row() };

@@ -52,13 +52,11 @@ impl ChargeTransfer {
     pub const NONE: Self = Self { parallel_share: 0.0, serial_share: 0.0, corner: OutputCorner::TopLeft };
 
     /// Returns whether rows are counted from the last one.
-    #[must_use]
     pub fn is_from_bottom(&self) -> bool {
         matches!(self.corner, OutputCorner::BottomLeft | OutputCorner::BottomRight)
     }
 
     /// Returns whether columns are counted from the last one.
-    #[must_use]
     pub fn is_from_right(&self) -> bool {
         matches!(self.corner, OutputCorner::TopRight | OutputCorner::BottomRight)
     }
@@ -74,7 +72,6 @@ pub struct Trails {
 
 impl Trails {
     /// Returns the trails of packets that need 1, 2, ... `places` transfers.
-    #[must_use]
     pub fn new(share: f64, places: usize) -> Self {
         let terms = terms_for(share, places);
         let mut shares = vec![0.0; terms * places];
@@ -91,13 +88,11 @@ impl Trails {
     }
 
     /// Returns pixels that a packet spreads over, its own included.
-    #[must_use]
     pub fn terms(&self) -> usize {
         self.shares.len() / self.places.max(1)
     }
 
     /// Returns all shares, `[delay * places + place]`.
-    #[must_use]
     pub fn shares(&self) -> &[f32] {
         &self.shares
     }
@@ -146,7 +141,6 @@ pub struct ChargeTransferStage {
 
 impl ChargeTransferStage {
     /// Returns the stage for images of this size.
-    #[must_use]
     pub fn new(transfer: &ChargeTransfer, [width, height]: [usize; 2]) -> Self {
         Self {
             transfer: *transfer,

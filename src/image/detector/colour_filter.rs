@@ -35,7 +35,6 @@ pub struct ColourFilter {
 
 impl ColourFilter {
     /// Returns the response of pixels of a colour.
-    #[must_use]
     pub const fn response(&self, colour: Colour) -> f64 {
         match colour {
             Colour::Red => self.red,
@@ -46,7 +45,6 @@ impl ColourFilter {
 
     /// Returns each pixel's response less 1, row by row: of its filter and of its own non-uniformity, where there is
     /// one.
-    #[must_use]
     pub fn photo_response(&self, prnu: Option<&[f32]>, [width, height]: [usize; 2]) -> Arc<[f32]> {
         let share = |i: usize| {
             let own = prnu.and_then(|map| map.get(i)).copied().map_or(0.0, f64::from);

@@ -29,13 +29,11 @@ pub struct DetectorConditions {
 
 impl DetectorConditions {
     /// Returns an exposure without background, at the temperature and with the protons of the parameters.
-    #[must_use]
     pub const fn dark(exposure_s: f64) -> Self {
         Self::lit(exposure_s, Background::DARK)
     }
 
     /// Returns the same with background light.
-    #[must_use]
     pub const fn lit(exposure_s: f64, background: Background) -> Self {
         Self {
             exposure_s,
@@ -49,7 +47,6 @@ impl DetectorConditions {
     }
 
     /// Returns the electrons per digital number and the black level of this exposure.
-    #[must_use]
     pub fn gain_and_black(&self, params: &DetectorParams) -> [f64; 2] {
         [params.gain_e_per_dn / self.gain_factor, self.black_level_dn.unwrap_or(params.black_level_dn)]
     }

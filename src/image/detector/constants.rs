@@ -29,7 +29,6 @@ pub struct Constants {
 
 impl Constants {
     /// Returns the numbers of one exposure with so many electrons of background in every pixel.
-    #[must_use]
     #[allow(clippy::cast_possible_truncation, reason = "the inner loops work in single precision")]
     pub fn new(params: &DetectorParams, conditions: &DetectorConditions, stray_light_e: f32) -> Self {
         let [gain_e_per_dn, black_level_dn] = conditions.gain_and_black(params);

@@ -74,14 +74,12 @@ pub fn effect_costs(
 }
 
 /// Returns the ratio of the readout time with the effects to that without; exactly 1 when all are off.
-#[must_use]
 pub fn factor(params: &DetectorParams, patterns: &Patterns, width_px: usize) -> f64 {
     1.0 + effect_costs(params, patterns, width_px).map(|cost| cost.share).sum::<f64>()
 }
 
 /// Returns the share of the whole readout's time that these regions of the sensor take: each run of their pixels takes
 /// whole blocks. Effects of neighbours take the whole image.
-#[must_use]
 pub fn share_of(params: &DetectorParams, regions: &Regions, sensor_px: [usize; 2]) -> f64 {
     let [width, height] = sensor_px;
     let spatial = &params.spatial;

@@ -44,7 +44,6 @@ pub struct Detector {
 
 impl Detector {
     /// Returns a detector of this size; `seeds` fix its patterns and its noise (one number: both).
-    #[must_use]
     pub fn new(params: DetectorParams, width_px: usize, height_px: usize, seeds: impl Into<Seeds>) -> Self {
         let seeds = seeds.into();
         let seed = seeds.sensor;
@@ -94,7 +93,6 @@ impl Detector {
     }
 
     /// Returns the parameters.
-    #[must_use]
     pub fn params(&self) -> &DetectorParams {
         &self.params
     }
@@ -106,13 +104,11 @@ impl Detector {
     }
 
     /// Returns the map, where there is one.
-    #[must_use]
     pub fn illumination_map(&self) -> Option<&[f32]> {
         self.illumination.as_deref()
     }
 
     /// Defects and protons.
-    #[must_use]
     pub fn disturbances(&self) -> &Disturbances {
         &self.disturbances
     }
@@ -123,13 +119,11 @@ impl Detector {
     }
 
     /// Returns columns and rows of the ADC's image: charge binning makes it smaller than the sensor.
-    #[must_use]
     pub fn adc_px(&self) -> [usize; 2] {
         self.output.adc_px()
     }
 
     /// Returns the geometry of the output image: its pixels on the ADC's image and on the sensor.
-    #[must_use]
     pub fn output(&self) -> &Output {
         &self.output
     }
@@ -140,32 +134,27 @@ impl Detector {
     }
 
     /// Returns the seeds of its patterns and of its noise.
-    #[must_use]
     pub fn seeds(&self) -> Seeds {
         self.seeds
     }
 
     /// Returns the fixed patterns, where switched on; the photo-response behind the pixel's filter.
-    #[must_use]
     pub fn patterns(&self) -> &Patterns {
         &self.patterns
     }
 
     /// Returns the fixed patterns of columns and rows; empty where off.
-    #[must_use]
     pub fn lines(&self) -> &Lines {
         &self.lines
     }
 
     /// Returns columns and rows.
-    #[must_use]
     pub fn size_px(&self) -> [usize; 2] {
         self.size_px
     }
 
     /// Returns whether all stages run in one pass: no neighbour stage is on, and pixels that are not read out need no
     /// light.
-    #[must_use]
     pub fn is_one_pass(&self) -> bool {
         self.neighbours.is_empty()
     }
@@ -177,7 +166,6 @@ impl Detector {
 
     /// Returns the charge of the latest frame in the pixels, e-, where two passes are run; after the neighbour stages
     /// that keep the image's size.
-    #[must_use]
     pub fn charge(&self) -> Option<&Image<f32>> {
         (!self.neighbours.is_empty()).then_some(&self.charge)
     }

@@ -40,13 +40,11 @@ impl DarkLaw {
     }
 
     /// Returns the rate over the rate at the reference; exactly 1 there.
-    #[must_use]
     pub fn factor(&self) -> f64 {
         ((self.operating_c - self.reference_c) / self.doubling_k).exp2()
     }
 
     /// Returns electrons per second of one square pixel from a current density.
-    #[must_use]
     pub fn e_per_s_of_density(na_per_cm2: f64, pixel_pitch_um: f64) -> f64 {
         let area_cm2 = (pixel_pitch_um * 1e-4).powi(2);
         na_per_cm2 * 1e-9 * area_cm2 / ELECTRON_C

@@ -9,7 +9,6 @@ use std::sync::Arc;
 
 impl Patterns {
     /// Returns the patterns drawn from the seed, as the parameters ask.
-    #[must_use]
     pub fn draw(params: &DetectorParams, pixels: usize, seed: u64) -> Self {
         let dark = normal_map(pixels, params.dark_nonuniformity, seed, Stage::DarkCurrent);
         Self {
@@ -22,7 +21,6 @@ impl Patterns {
 
     /// Returns the patterns of a detector as its stages read them: drawn from the seed, along the stages of a TDI
     /// detector, behind the filters of the pixels.
-    #[must_use]
     pub fn of_detector(params: &DetectorParams, size_px: [usize; 2], seed: u64) -> Self {
         let [width, height] = size_px;
         let drawn = Self::draw(params, width * height, seed);
@@ -46,7 +44,6 @@ impl Patterns {
     }
 
     /// Returns how many maps a detector with these parameters keeps when these patterns are given to it.
-    #[must_use]
     pub fn kept(&self, params: &DetectorParams) -> usize {
         let maps = [
             params.prnu != 0.0 || self.prnu.is_some() || params.spatial.colour_filter.is_some(),

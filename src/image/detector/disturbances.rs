@@ -34,7 +34,6 @@ pub struct Disturbances {
 
 impl Disturbances {
     /// Returns the defects of the parameters, with capacity for more.
-    #[must_use]
     pub fn new(params: &DetectorParams, size_px: [usize; 2], seeds: Seeds) -> Self {
         let spatial = &params.spatial;
         let population = spatial.defects.count(size_px[0] * size_px[1]);
@@ -53,7 +52,6 @@ impl Disturbances {
     }
 
     /// Returns the defects.
-    #[must_use]
     pub fn defects(&self) -> &Defects {
         &self.defects
     }
@@ -64,13 +62,11 @@ impl Disturbances {
     }
 
     /// Returns the proton tracks of the latest frame, in sensor pixels.
-    #[must_use]
     pub fn proton_tracks(&self) -> &[ProtonTrack] {
         self.protons.tracks()
     }
 
     /// Protons that no longer fitted into their frames, since the start.
-    #[must_use]
     pub fn protons_left_out(&self) -> u64 {
         self.protons.left_out()
     }
@@ -86,7 +82,6 @@ impl Disturbances {
     }
 
     /// Returns the outliers of the latest frame.
-    #[must_use]
     pub fn outliers(&self) -> &Outliers {
         &self.outliers
     }

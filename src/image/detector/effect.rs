@@ -81,7 +81,6 @@ pub enum Part {
 
 impl Effect {
     /// Returns the part of the chain that it belongs to.
-    #[must_use]
     pub const fn part(self) -> Part {
         match self {
             Self::Background | Self::PhotoResponse | Self::Dark | Self::Defects | Self::Shot | Self::ProtonTracks => {
@@ -101,7 +100,6 @@ impl Effect {
 }
 
 /// Returns the effects of one part, in order.
-#[must_use]
 pub fn effects_of(part: Part) -> &'static [Effect] {
     let start = ORDER.iter().position(|effect| effect.part() == part).unwrap_or(ORDER.len());
     let length = ORDER.iter().filter(|effect| effect.part() == part).count();

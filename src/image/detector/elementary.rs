@@ -8,7 +8,6 @@ use base::fused::{mul_add, whole_bits};
 /// Returns the natural logarithm of a positive normal number: exponent, then the series of `2 atanh((m - 1) / (m +
 /// 1))`.
 #[inline(always)]
-#[must_use]
 pub fn ln<const FUSED: bool>(x: f32) -> f32 {
     const SQRT_HALF_BITS: u32 = 0x3f35_04f3;
     let bits = x.to_bits().wrapping_sub(SQRT_HALF_BITS);
@@ -25,7 +24,6 @@ pub fn ln<const FUSED: bool>(x: f32) -> f32 {
 
 /// Returns `exp(-x)` for `0 <= x <= 80`.
 #[inline(always)]
-#[must_use]
 pub fn exp_negative<const FUSED: bool>(x: f32) -> f32 {
     const LN2_HIGH: f32 = 0.693_359_4;
     const LN2_LOW: f32 = -2.121_944_4e-4;
@@ -43,7 +41,6 @@ pub fn exp_negative<const FUSED: bool>(x: f32) -> f32 {
 
 /// Returns the sine and cosine of `u` turns, `0 <= u < 1`.
 #[inline(always)]
-#[must_use]
 pub fn sin_cos_turns<const FUSED: bool>(u: f32) -> (f32, f32) {
     let quarter = mul_add::<FUSED>(u, 4.0, 0.5).floor();
     let x = (u - 0.25 * quarter) * core::f32::consts::TAU;
@@ -67,7 +64,6 @@ pub fn sin_cos_turns<const FUSED: bool>(u: f32) -> (f32, f32) {
 
 /// Returns a uniform in (0, 1) from the high 24 bits of a word, never 0 or 1.
 #[inline(always)]
-#[must_use]
 pub fn open_unit(word: u32) -> f32 {
     // 23 bits and a half: exactly representable, at most 1 - 2^-24.
     ((word >> 9).cast_signed() as f32 + 0.5) * (1.0 / 8_388_608.0)
@@ -75,7 +71,6 @@ pub fn open_unit(word: u32) -> f32 {
 
 /// Returns a uniform in [0, 1) from the high 24 bits of a word.
 #[inline(always)]
-#[must_use]
 pub fn unit(word: u32) -> f32 {
     (word >> 8).cast_signed() as f32 * (1.0 / 16_777_216.0)
 }
@@ -83,7 +78,6 @@ pub fn unit(word: u32) -> f32 {
 /// Returns the standard normal quantile of `u` in (0, 1). Source: M. Giles, "Approximating the erfinv function", GPU
 /// Computing Gems Jade Edition (2010), single-precision form; error 2e-6 sigma up to |z| = 5.2.
 #[inline(always)]
-#[must_use]
 pub fn normal_quantile<const FUSED: bool>(u: f32) -> f32 {
     const CENTRE: [f32; 9] = [
         2.810_226_4e-8,

@@ -3,7 +3,6 @@
 use crate::detector::DetectorParams;
 
 /// Returns the saturation capacity as the inner loops want it, e-.
-#[must_use]
 #[allow(clippy::cast_possible_truncation, reason = "the inner loops work in single precision")]
 pub fn limit_e(params: &DetectorParams) -> f32 {
     params.full_well_e as f32

@@ -55,7 +55,6 @@ pub struct ImageLagStage {
 
 impl ImageLagStage {
     /// Returns the stage for images of this size.
-    #[must_use]
     pub fn new(lag: &ImageLag, full_well_e: f32, [width, height]: [usize; 2]) -> Self {
         Self { share: lag.share, full_well_e, memory: Memory::default(), rest_e: Image::new(width, height) }
     }

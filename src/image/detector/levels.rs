@@ -24,13 +24,11 @@ pub struct Levels {
 
 impl Levels {
     /// Returns those of this detector's output, at the gain and black level of its parameters.
-    #[must_use]
     pub fn of_output(params: &DetectorParams) -> Self {
         Self::of_exposure(params, &DetectorConditions::dark(0.0))
     }
 
     /// Returns those of one exposure, at its own gain and black level.
-    #[must_use]
     pub fn of_exposure(params: &DetectorParams, conditions: &DetectorConditions) -> Self {
         let [gain_e_per_dn, black_level_dn] = conditions.gain_and_black(params);
         let pixel = Self {

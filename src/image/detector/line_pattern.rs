@@ -28,7 +28,6 @@ impl LinePattern {
     pub const OFF: Self = Self { column_e_rms: 0.0, column_gain_rms: 0.0, row_e_rms: 0.0 };
 
     /// Returns whether columns differ.
-    #[must_use]
     pub fn has_columns(&self) -> bool {
         self.column_e_rms > 0.0 || self.column_gain_rms > 0.0
     }
@@ -47,7 +46,6 @@ pub struct Lines {
 
 impl Lines {
     /// Draws the pattern from the seed.
-    #[must_use]
     pub fn draw(pattern: &LinePattern, [width, height]: [usize; 2], seed: u64) -> Self {
         let mut made = Self::default();
         if pattern.has_columns() {

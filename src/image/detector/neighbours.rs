@@ -14,7 +14,6 @@ use base::image::Image;
 
 /// Returns the stages that are on, in order; with `keep_charge` at least the full well, so that there is a charge
 /// image.
-#[must_use]
 pub fn stages(params: &DetectorParams, size_px: [usize; 2], keep_charge: bool) -> Vec<Box<dyn NeighbourStage>> {
     // Stages that are on are pushed here by their constructors, whichever order they come in.
     let mut stages: Vec<Box<dyn NeighbourStage>> = Vec::new();

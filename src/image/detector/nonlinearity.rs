@@ -62,19 +62,16 @@ impl Nonlinearity {
     }
 
     /// Returns true if the response is not linear.
-    #[must_use]
     pub fn is_on(&self) -> bool {
         self.count > 0
     }
 
     /// Returns the knots.
-    #[must_use]
     pub fn knots_e(&self) -> &[[f64; 2]] {
         self.knots_e.get(..self.count).unwrap_or_default()
     }
 
     /// Returns the factors that the loops (and the shader) multiply with.
-    #[must_use]
     #[allow(clippy::cast_possible_truncation, reason = "the inner loops work in single precision")]
     pub fn pieces(&self) -> Pieces {
         let mut pieces = Pieces { slope: 1.0, thresholds_e: [f32::MAX; MOST_KNOTS - 1], steps: [0.0; MOST_KNOTS - 1] };

@@ -24,7 +24,6 @@ pub struct Outlier {
 
 impl Outlier {
     /// Returns a pixel in which nothing is different.
-    #[must_use]
     pub fn none(pixel: u32) -> Self {
         Self { pixel, response: 1.0, dark_e: 0.0, charge_e: 0.0 }
     }
@@ -55,25 +54,21 @@ impl Clone for Outliers {
 
 impl Outliers {
     /// Returns an empty list with capacity for so many pixels; it never grows.
-    #[must_use]
     pub fn with_capacity(pixels: usize) -> Self {
         Self { list: Vec::with_capacity(pixels) }
     }
 
     /// Returns the capacity, pixels.
-    #[must_use]
     pub fn capacity(&self) -> usize {
         self.list.capacity()
     }
 
     /// Returns all of them.
-    #[must_use]
     pub fn list(&self) -> &[Outlier] {
         &self.list
     }
 
     /// Returns true if no pixel differs.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.list.is_empty()
     }
@@ -85,7 +80,6 @@ impl Outliers {
 
     /// Returns the outliers among the `pixels` pixels from `first` on.
     #[inline(always)]
-    #[must_use]
     #[allow(clippy::cast_possible_truncation, reason = "images hold fewer than 2^32 pixels")]
     pub fn within(&self, first: usize, pixels: usize) -> &[Outlier] {
         if self.list.is_empty() {
@@ -123,7 +117,6 @@ impl Outliers {
 }
 
 /// Returns a copy with the same capacity: a plain clone has no spare capacity.
-#[must_use]
 pub fn with_space<T: Clone>(list: &Vec<T>) -> Vec<T> {
     let mut copy = Vec::with_capacity(list.capacity());
     copy.extend_from_slice(list);

@@ -22,7 +22,6 @@ pub struct Output {
 
 impl Output {
     /// Returns the geometry for a sensor of this size.
-    #[must_use]
     pub fn new(spatial: &SpatialParams, sensor_px: [usize; 2]) -> Self {
         let geometry = spatial.output(sensor_px);
         let adc_px = Binning::adc_size_px(spatial.binning, sensor_px);
@@ -35,19 +34,16 @@ impl Output {
     }
 
     /// Returns where the output's pixels are on the sensor.
-    #[must_use]
     pub fn geometry(&self) -> OutputGeometry {
         self.geometry
     }
 
     /// Returns columns and rows of the ADC's image.
-    #[must_use]
     pub fn adc_px(&self) -> [usize; 2] {
         self.adc_px
     }
 
     /// Returns regions of the output in pixels of the ADC's image.
-    #[must_use]
     #[allow(clippy::cast_possible_truncation, reason = "sides of images")]
     pub fn adc_regions(&self, regions: &Regions) -> Regions {
         regions.enlarged(self.digital.map_or(1, |binning| binning.factor), self.first_px.map(|first| first as u32))

@@ -70,44 +70,37 @@ impl DetectorParams {
     };
 
     /// Returns the largest digital number.
-    #[must_use]
     pub fn largest_dn(&self) -> u16 {
         u16::try_from((1_u32 << self.bits.min(16)) - 1).unwrap_or(u16::MAX)
     }
 
     /// Returns electrons at which the converter clips.
-    #[must_use]
     pub fn converter_full_e(&self) -> f64 {
         (f64::from(self.largest_dn()) - self.black_level_dn) * self.gain_e_per_dn
     }
 
     /// Returns the same, when that is below the full well.
-    #[must_use]
     pub fn converter_clips_at_e(&self) -> Option<f64> {
         Some(self.converter_full_e()).filter(|e| *e < self.full_well_e)
     }
 
     /// Returns electrons of one LSB of a converter that ends where the pixel does: `full well / 2^bits`.
-    #[must_use]
     pub fn lsb_e(full_well_e: f64, bits: u32) -> f64 {
         full_well_e / f64::from(1_u32 << bits.min(16))
     }
 
     /// Returns the mean dark current at the detector's temperature, e-/s.
-    #[must_use]
     pub fn operating_dark_e_per_s(&self) -> f64 {
         self.dark_e_per_s * self.dark_law.factor()
     }
 
     /// Returns the noise of a pixel's readout from frame to frame, that which its row shares included, e- rms.
-    #[must_use]
     pub fn temporal_noise_e_rms(&self) -> f64 {
         let row_e2 = if self.row_noise.is_on() { self.row_noise.variance_e2() } else { 0.0 };
         self.readout_noise_e_rms().hypot(row_e2.sqrt())
     }
 
     /// Returns the white noise of a pixel's readout: read and amplifier noise, e- rms.
-    #[must_use]
     pub fn readout_noise_e_rms(&self) -> f64 {
         if self.amplifier_noise_e_rms == 0.0 {
             return self.read_noise_e_rms;

@@ -46,7 +46,6 @@ impl Patterns {
     }
 
     /// Returns these patterns; each one that is not given is taken from `others`.
-    #[must_use]
     pub fn or(&self, others: &Self) -> Self {
         let either = |mine: &Option<Arc<[f32]>>, other: &Option<Arc<[f32]>>| mine.as_ref().or(other.as_ref()).cloned();
         Self {
@@ -58,7 +57,6 @@ impl Patterns {
 }
 
 /// Returns one normal deviate per pixel times `rms`, or `None` when the effect is off. The same on every machine.
-#[must_use]
 #[allow(clippy::cast_possible_truncation, reason = "images hold fewer than 2^32 pixels; patterns are f32")]
 pub fn normal_map(pixels: usize, rms: f64, seed: u64, stage: Stage) -> Option<Vec<f32>> {
     if rms == 0.0 {

@@ -24,7 +24,6 @@ pub fn add<const FUSED: bool>(electrons: &mut [f32; BLOCK], words: &Words, sigma
 
 /// Returns two independent standard normal deviates from two words.
 #[inline(always)]
-#[must_use]
 pub fn normal_pair<const FUSED: bool>(a: u32, b: u32) -> (f32, f32) {
     let radius = (-2.0 * ln::<FUSED>(open_unit(a))).sqrt();
     let (sin, cos) = sin_cos_turns::<FUSED>(unit(b));

@@ -12,7 +12,6 @@ pub enum Rounding {
 
 impl Rounding {
     /// Returns the number that is added before the fraction is cut off, DN.
-    #[must_use]
     pub const fn dn(self) -> f32 {
         match self {
             Self::Nearest => 0.5,

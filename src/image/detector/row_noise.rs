@@ -42,13 +42,11 @@ impl RowNoise {
     pub const OFF: Self = Self { e_rms: 0.0, corner_cycles_per_row: 0.0 };
 
     /// Returns true if row noise is on.
-    #[must_use]
     pub fn is_on(&self) -> bool {
         self.e_rms > 0.0
     }
 
     /// Returns the one-sided density of the sequence that is drawn, e-^2 per cycle per row.
-    #[must_use]
     pub fn density(&self, cycles_per_row: f64) -> f64 {
         let cos = (core::f64::consts::TAU * cycles_per_row).cos();
         let of_pole = |pole: Pole| {
@@ -59,7 +57,6 @@ impl RowNoise {
     }
 
     /// Returns the variance of one row's number over many frames, e-^2.
-    #[must_use]
     pub fn variance_e2(&self) -> f64 {
         self.e_rms.powi(2) + self.poles().map(|pole| pole.variance_e2).iter().sum::<f64>()
     }

@@ -54,7 +54,6 @@ impl SpatialParams {
 
     /// Returns the colours of the output image, from its first pixel; `None` where its pixels have none: without
     /// filters, and where binning adds colours up.
-    #[must_use]
     pub fn output_colours(&self) -> Option<BayerPattern> {
         let first_px = self.window.map_or([0; 2], |window| [window.left_px, window.top_px]);
         let filter = self.colour_filter.filter(|_| self.binning.is_none())?;
@@ -62,7 +61,6 @@ impl SpatialParams {
     }
 
     /// Returns the mapping from the pixels of a sensor to those of the output image.
-    #[must_use]
     pub fn output(&self, sensor_px: [usize; 2]) -> OutputGeometry {
         OutputGeometry::new(sensor_px, self.binning.map_or(1, |binning| binning.factor), self.window)
     }

@@ -25,14 +25,12 @@ pub struct Tdi {
 
 impl Tdi {
     /// Returns the exposure of a packet, s.
-    #[must_use]
     pub fn exposure_s(&self, line_s: f64) -> f64 {
         f64::from(self.stages) * line_s
     }
 
     /// Returns the fixed patterns as a packet meets them: the same for all rows of a column, the mean over the stages.
     /// Where the sensor has fewer rows than there are stages, the spread is that of so many stages all the same.
-    #[must_use]
     pub fn patterns(&self, pixels: &Patterns, width: usize) -> Patterns {
         let along = |map: &Option<Arc<[f32]>>, middle| map.as_ref().map(|map| self.along_columns(map, width, middle));
         Patterns {

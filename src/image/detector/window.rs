@@ -37,14 +37,12 @@ pub struct OutputGeometry {
 
 impl OutputGeometry {
     /// Returns the whole sensor, pixel by pixel.
-    #[must_use]
     pub fn whole(size_px: [usize; 2]) -> Self {
         Self { binning: 1, first_px: [0; 2], size_px, is_cut: false }
     }
 
     /// Returns a window of a sensor whose pixels are summed by `binning` in all; a rest that does not fill a pixel is
     /// left out.
-    #[must_use]
     pub fn new(sensor_px: [usize; 2], binning: u32, window: Option<Window>) -> Self {
         let by = binning.max(1) as usize;
         let Some(w) = window else {
@@ -55,27 +53,23 @@ impl OutputGeometry {
     }
 
     /// Returns a place on the sensor in output pixels.
-    #[must_use]
     pub fn output_from_sensor(&self, sensor_px: [f64; 2]) -> [f64; 2] {
         let by = f64::from(self.binning);
         [0, 1].map(|axis| (sensor_px[axis] - f64::from(self.first_px[axis]) - 0.5 * (by - 1.0)) / by)
     }
 
     /// Returns the place on the sensor of a place in output pixels.
-    #[must_use]
     pub fn sensor_from_output(&self, output_px: [f64; 2]) -> [f64; 2] {
         let by = f64::from(self.binning);
         [0, 1].map(|axis| output_px[axis] * by + f64::from(self.first_px[axis]) + 0.5 * (by - 1.0))
     }
 
     /// Returns regions of the output in sensor pixels.
-    #[must_use]
     pub fn sensor_regions(&self, regions: &Regions) -> Regions {
         regions.enlarged(self.binning, self.first_px)
     }
 
     /// Returns true if the output is the sensor's image itself.
-    #[must_use]
     pub fn is_whole(&self, sensor_px: [usize; 2]) -> bool {
         self.binning == 1 && self.first_px == [0; 2] && self.size_px == sensor_px
     }

@@ -37,7 +37,6 @@ impl GrowableBuffer {
     }
 
     /// Returns the buffer itself.
-    #[must_use]
     pub fn buffer(&self) -> &wgpu::Buffer {
         &self.buffer
     }

@@ -36,7 +36,6 @@ pub struct GpuDevice {
 
 impl GpuDevice {
     /// Returns the name of every adapter, and whether it is this machine's processor; opens none of them.
-    #[must_use]
     pub fn adapters() -> Vec<(String, bool)> {
         let infos = found_adapters().into_iter().map(|adapter| adapter.get_info());
         infos.map(|info| (info.name, info.device_type == DeviceType::Cpu)).collect()
@@ -71,7 +70,6 @@ impl GpuDevice {
     }
 
     /// Returns adapter, driver, and whether it is hardware.
-    #[must_use]
     pub fn description(&self) -> String {
         let kind = if self.is_software() { "software" } else { "hardware" };
         let driver = [self.info.driver.as_str(), self.info.driver_info.as_str()];
@@ -80,25 +78,21 @@ impl GpuDevice {
     }
 
     /// Returns the adapter's name.
-    #[must_use]
     pub fn name(&self) -> &str {
         &self.info.name
     }
 
     /// Returns whether the "GPU" is this machine's processor.
-    #[must_use]
     pub fn is_software(&self) -> bool {
         self.info.device_type == DeviceType::Cpu
     }
 
     /// Returns the device.
-    #[must_use]
     pub fn device(&self) -> &wgpu::Device {
         &self.device
     }
 
     /// Returns the queue.
-    #[must_use]
     pub fn queue(&self) -> &wgpu::Queue {
         &self.queue
     }
@@ -124,7 +118,6 @@ impl GpuDevice {
     }
 
     /// Returns a new list of commands.
-    #[must_use]
     pub fn encoder(&self, label: &'static str) -> wgpu::CommandEncoder {
         self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some(label) })
     }

@@ -29,25 +29,21 @@ impl DeviceElectrons {
     }
 
     /// Returns the number of columns.
-    #[must_use]
     pub fn width(&self) -> usize {
         self.width
     }
 
     /// Returns the number of rows.
-    #[must_use]
     pub fn height(&self) -> usize {
         self.height
     }
 
     /// Units per electron: a power of two.
-    #[must_use]
     pub fn scale(&self) -> f32 {
         self.scale
     }
 
     /// Returns the buffer of the sums, `i32` each.
-    #[must_use]
     pub fn buffer(&self) -> &wgpu::Buffer {
         self.buffer.buffer()
     }

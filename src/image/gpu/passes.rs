@@ -39,7 +39,6 @@ impl ComputePass {
     }
 
     /// Binds buffers and tables.
-    #[must_use]
     pub fn bind<const N: usize>(&self, gpu: &GpuDevice, resources: [wgpu::BindingResource<'_>; N]) -> wgpu::BindGroup {
         let entries: Vec<wgpu::BindGroupEntry<'_>> =
             (0..).zip(resources).map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource }).collect();
@@ -66,7 +65,6 @@ impl ComputePass {
 
 /// Workgroups for `invocations` along x, carried over into y above the limit of one axis. The shader's own index is
 /// `(workgroup.y * workgroups.x + workgroup.x) * WORKGROUP + local`, and may pass the end.
-#[must_use]
 pub fn grid(invocations: u32) -> [u32; 3] {
     let workgroups = invocations.div_ceil(WORKGROUP);
     let rows = workgroups.div_ceil(MOST_WORKGROUPS);

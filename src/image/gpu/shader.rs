@@ -3,31 +3,26 @@
 use core::fmt::Write as _;
 
 /// Returns `const NAME = value;` with the digits that give the same f32 back.
-#[must_use]
 pub fn constant(name: &str, value: f32) -> String {
     format!("const {name} = {};\n", literal(value))
 }
 
 /// Returns `const NAME: u32 = value;`.
-#[must_use]
 pub fn constant_u32(name: &str, value: u32) -> String {
     format!("const {name} = {value}u;\n")
 }
 
 /// Returns `const NAME = true;`: an effect that is off costs nothing, as drivers drop code behind a false constant.
-#[must_use]
 pub fn switch(name: &str, on: bool) -> String {
     format!("const {name} = {on};\n")
 }
 
 /// Returns one shader of constants and parts: WGSL takes declarations in any order.
-#[must_use]
 pub fn assemble<'a>(constants: &str, parts: impl IntoIterator<Item = &'a str>) -> String {
     parts.into_iter().fold(constants.to_owned(), |text, part| text + "\n" + part)
 }
 
 /// Returns `const NAME_0 = ...; const NAME_1 = ...;`: a polynomial's coefficients.
-#[must_use]
 pub fn coefficients(name: &str, values: &[f32]) -> String {
     values.iter().enumerate().fold(String::new(), |mut text, (i, value)| {
         // Writing into a string cannot fail.

@@ -27,7 +27,6 @@ impl TableTexture {
     }
 
     /// Returns the resource for a bind group.
-    #[must_use]
     pub fn binding(&self) -> wgpu::BindingResource<'_> {
         wgpu::BindingResource::TextureView(&self.view)
     }

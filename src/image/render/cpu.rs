@@ -38,7 +38,6 @@ pub struct Cpu {
 
 impl Cpu {
     /// Returns a renderer for a detector of this size.
-    #[must_use]
     pub fn new(width_px: usize, height_px: usize) -> Self {
         Self {
             arch: Arch::new(),

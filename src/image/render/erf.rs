@@ -16,7 +16,6 @@ pub const ERF_CLAMP: f32 = 3.9;
 
 /// Returns the error function; see the module for its error.
 #[inline(always)]
-#[must_use]
 pub fn erf<const FUSED: bool>(x: f32) -> f32 {
     let x = x.clamp(-ERF_CLAMP, ERF_CLAMP);
     let t = x * x;

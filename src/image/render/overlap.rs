@@ -21,14 +21,12 @@ pub struct Apart {
 
 impl Apart {
     /// Returns a renderer for images of any size; buffers are made with the first.
-    #[must_use]
     pub fn new() -> Self {
         let (single, precise) = (Image::new(0, 0), Image::new(0, 0));
         Self { half: None, single, precise, is_precise: false, lost_e: 0.0 }
     }
 
     /// Returns electrons that the latest image lacks: the light of the fainter in every pixel.
-    #[must_use]
     pub fn lost_e(&self) -> f64 {
         self.lost_e
     }
@@ -104,7 +102,6 @@ impl Apart {
     }
 
     /// Returns the electrons of the latest [`Self::render`].
-    #[must_use]
     pub fn electrons(&self) -> Electrons<'_> {
         if self.is_precise { Electrons::Precise(&self.precise) } else { Electrons::Host(&self.single) }
     }

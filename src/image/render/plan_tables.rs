@@ -38,7 +38,6 @@ pub struct Prepared {
 impl PlanTables {
     /// Returns tables for a backend that draws Gaussians of up to this half-width analytically, and others from this
     /// form.
-    #[must_use]
     pub fn new(analytic_half_px: usize, form: Form) -> Self {
         Self {
             analytic_half_px,
@@ -122,39 +121,33 @@ impl PlanTables {
 
     /// Tables of the PSF itself, when stars that are not drawn from a kernel need them: one, or one for every node of a
     /// field.
-    #[must_use]
     pub fn bases(&self, plan: &ExposurePlan) -> &[PsfTable] {
         if self.is_analytic(plan) { &[] } else { &self.bases }
     }
 
     /// Returns the table from which whole stars are drawn by the PSF of this number; `None` for a Gaussian.
-    #[must_use]
     pub(super) fn whole_of(&self, plan: &ExposurePlan, psf: usize) -> Option<&PsfTable> {
         let tables = if plan.whole.half_px > plan.half_px { &self.wholes } else { &self.bases };
         tables.get(psf).filter(|_| !plan.psf.is_gaussian())
     }
 
     /// Returns the index of the table of the PSF that a list is drawn with.
-    #[must_use]
     pub fn psf_of(&self, plan: &ExposurePlan, list: usize) -> usize {
         let psfs = plan.lists.get(list).map(|list| plan.psf.around(list.psf_px));
         psfs.and_then(|psfs| psfs.into_iter().max_by(|a, b| a.1.total_cmp(&b.1))).map_or(0, |(psf, _)| psf)
     }
 
     /// Kernels of the latest plan.
-    #[must_use]
     pub fn kernels(&self) -> &[PsfTable] {
         &self.kernels[..self.list_of_kernel.len()]
     }
 
     /// Returns the index of a list's kernel.
-    #[must_use]
     pub fn kernel_of(&self, list: usize) -> Option<usize> {
         self.kernel_of_list.get(list).copied().flatten()
     }
 
     /// Returns whether stars without a kernel are drawn analytically.
-    #[must_use]
     pub fn is_analytic(&self, plan: &ExposurePlan) -> bool {
         let tabled = matches!(plan.sampling, PsfSampling::Table { .. });
         plan.psf.is_gaussian() && plan.half_px <= self.analytic_half_px && !tabled

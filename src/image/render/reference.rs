@@ -46,7 +46,6 @@ pub struct Reference {
 
 impl Reference {
     /// Returns a renderer for a detector of this size.
-    #[must_use]
     pub fn new(width_px: usize, height_px: usize) -> Self {
         Self { image: Image::new(width_px, height_px) }
     }

@@ -26,7 +26,6 @@ pub fn prefilter(samples: &mut [f32]) {
 
 /// Returns weights of the coefficients at offsets -1, 0, 1, 2 for a point a share `t` in [0, 1) past offset 0.
 #[inline(always)]
-#[must_use]
 pub fn weights(t: f32) -> [f32; 4] {
     let r = 1.0 - t;
     let sixth = 1.0 / 6.0;

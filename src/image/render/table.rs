@@ -48,20 +48,17 @@ pub enum Form {
 
 impl PsfTable {
     /// Phases per axis: taps reach from `-S/2 - 1` to `S/2 + 2`.
-    #[must_use]
     pub fn phases(&self) -> usize {
         self.oversampling + 4
     }
 
     /// Returns columns and rows of one image.
-    #[must_use]
     pub fn size_px(&self) -> [usize; 2] {
         self.half_px.map(|half| 2 * half + 1)
     }
 
     /// Returns the first tap and the four weights for a star fraction in [-1/2, 1/2]: `(first phase, weights)`.
     #[inline(always)]
-    #[must_use]
     pub fn taps(&self, fraction: f32) -> (usize, [f32; 4]) {
         let half = (self.oversampling / 2) as f32;
         let s = half - fraction * self.oversampling as f32;
@@ -79,7 +76,6 @@ impl PsfTable {
     }
 
     /// Returns one coefficient.
-    #[must_use]
     pub fn value(&self, py: usize, px: usize, row: usize, column: usize) -> f32 {
         let (c, lane) = (column / LANES, column % LANES);
         let at = ((py * self.size_px()[1] + row) * (self.stride / LANES) + c) * self.phases() + px;
@@ -87,13 +83,11 @@ impl PsfTable {
     }
 
     /// Returns a table to be filled.
-    #[must_use]
     pub fn empty(form: Form) -> Self {
         Self { form, ..Self::default() }
     }
 
     /// Returns the PSF itself, `s` grid points per pixel.
-    #[must_use]
     pub fn of_psf(psf: &PsfModel, half_px: usize, s: usize, form: Form) -> Self {
         let mut table = Self::empty(form);
         table.size([half_px; 2], s);

@@ -87,7 +87,6 @@ impl HatsCatalog {
     }
 
     /// Returns its files, in the order of the list.
-    #[must_use]
     pub fn partitions(&self) -> &[Partition] {
         &self.partitions
     }
@@ -121,7 +120,6 @@ impl HatsCatalog {
     }
 
     /// Credits that the catalog asks for, where it names some.
-    #[must_use]
     pub fn credits(&self) -> Option<&str> {
         self.properties.get(ACKNOWLEDGEMENT)
     }

@@ -24,7 +24,6 @@ pub struct Pixel {
 
 impl Pixel {
     /// Returns a pixel that there is.
-    #[must_use]
     pub fn new(order: u64, number: u64) -> Option<Self> {
         let order = u8::try_from(order).ok().filter(|order| *order <= MOST_ORDER)?;
         (number < 12 << (2 * order)).then_some(Self { order, number })

@@ -30,7 +30,6 @@ const MIDDLING_VI_MAG: f64 = 0.7;
 const MIDDLING_BTVT_MAG: f64 = 0.7;
 
 /// Returns the g and BP - RP by what Hipparcos measured.
-#[must_use]
 pub(super) fn of_hipparcos(hp_mag: f64, vi_mag: Option<f64>) -> (f64, Option<f64>) {
     let [low, high] = VI_DOMAIN_MAG;
     let vi = vi_mag.map(|vi| vi.clamp(low, high));
@@ -39,7 +38,6 @@ pub(super) fn of_hipparcos(hp_mag: f64, vi_mag: Option<f64>) -> (f64, Option<f64
 }
 
 /// Returns the g and BP - RP by what Tycho measured; `None` when it measured neither band.
-#[must_use]
 pub(super) fn of_tycho(bt_mag: Option<f64>, vt_mag: Option<f64>) -> Option<(f64, Option<f64>)> {
     let [low, high] = BTVT_DOMAIN_MAG;
     let colour = bt_mag.zip(vt_mag).map(|(bt, vt)| (bt - vt).clamp(low, high));

@@ -28,7 +28,6 @@ pub struct BrightStar {
 
 impl BrightStar {
     /// Returns the star at a Julian year, as a layer takes it.
-    #[must_use]
     pub fn at(&self, epoch_yr: f64) -> NewStar {
         let (direction, motion_mas_yr) = moved(self.direction_icrf, self.motion_mas_yr, epoch_yr - self.epoch_yr);
         let [ra_rad, dec_rad] = ra_dec_rad(direction);
@@ -46,7 +45,6 @@ impl BrightStar {
 
 /// Returns direction and proper motion `years` later: uniform straight motion in space, as `sky::astrometry::at_epoch`;
 /// what is eastward there may not be here (Polaris). A star without a motion stays.
-#[must_use]
 pub(super) fn moved(direction: DVec3, motion_mas_yr: Option<[f64; 2]>, years: f64) -> (DVec3, Option<[f64; 2]>) {
     let Some([east_mas_yr, north_mas_yr]) = motion_mas_yr else { return (direction, None) };
     let [east, north] = east_and_north(direction);

@@ -44,7 +44,6 @@ const PAIRS_PER_STAR: usize = 4;
 
 /// Returns how far magnitudes of one star may be apart, mag, by its G, the scatter of its measurements, and whether its
 /// colour is known.
-#[must_use]
 pub(super) fn tolerance_mag(mag_g: f64, scatter_mag: f64, has_colour: bool) -> f64 {
     let saturated = if mag_g < 4.0 { 0.5 } else { 0.0 };
     let unknown_colour = if has_colour { 0.0 } else { 0.75 };

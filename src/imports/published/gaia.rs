@@ -124,13 +124,11 @@ impl Names {
 
     /// Returns columns that may be said to be missing, by their names in Gaia's archive: nothing else is known of their
     /// values.
-    #[must_use]
     pub fn may_be_missing(archive: &str) -> bool {
         [PM_RA, PM_DEC, PARALLAX, BP_RP, REF_EPOCH].iter().any(|column| ARCHIVE[*column] == archive)
     }
 
     /// Returns the columns that may be renamed.
-    #[must_use]
     pub fn all() -> &'static [&'static str] {
         &ARCHIVE
     }

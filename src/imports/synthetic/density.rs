@@ -60,7 +60,6 @@ pub struct Density {
 
 impl Density {
     /// Returns the counts in a direction (unit vector, ICRF axes).
-    #[must_use]
     pub fn towards(direction_icrf: DVec3) -> Self {
         let [longitude, latitude] = galactic_rad(direction_icrf).map(|rad| (rad / DEG).abs());
         let log10_counts = LOG10_AT_NODES.map(|nodes| at_place(&nodes, longitude, latitude));
@@ -68,7 +67,6 @@ impl Density {
     }
 
     /// Returns stars per square degree brighter than `mag_g`.
-    #[must_use]
     pub fn brighter_than(&self, mag_g: f64) -> f64 {
         10.0_f64.powf(self.log10_brighter_than(mag_g))
     }

@@ -28,7 +28,6 @@ const SUM_ORDER: u8 = 6;
 const REGION_ORDER: u8 = 8;
 
 /// Returns the credits of made-up stars.
-#[must_use]
 pub fn credits(seed: u64) -> String {
     format!("synthetic population, seed {seed}: not real stars; numbers by direction and magnitude as in Gaia DR3")
 }
@@ -67,7 +66,6 @@ impl Population {
     }
 
     /// Returns how many stars are expected over the whole sky.
-    #[must_use]
     pub fn expected(&self) -> f64 {
         (0..self.limits_mag.len()).map(|layer| self.draw(layer).1).sum()
     }

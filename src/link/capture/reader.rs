@@ -47,7 +47,6 @@ impl<R: Read> CaptureReader<R> {
     }
 
     /// Returns which format it is.
-    #[must_use]
     pub fn format(&self) -> CaptureFormat {
         match self.form {
             Form::Candump(_) => CaptureFormat::Candump,
@@ -56,7 +55,6 @@ impl<R: Read> CaptureReader<R> {
     }
 
     /// Returns frames so far that have no form here: remote and error frames, other link types.
-    #[must_use]
     pub fn skipped(&self) -> u64 {
         match &self.form {
             Form::Candump(reader) => reader.skipped,

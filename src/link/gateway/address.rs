@@ -15,7 +15,6 @@ pub enum GatewayAddress {
 
 impl GatewayAddress {
     /// Returns whether other machines can reach it: a gateway does not ask for a password.
-    #[must_use]
     pub fn is_exposed(&self) -> bool {
         matches!(self, Self::Tcp(address) if !address.ip().is_loopback())
     }
@@ -42,7 +41,6 @@ pub struct NoTcpAddress(String);
 
 impl TcpAddress {
     /// Returns the address in the system's form.
-    #[must_use]
     pub fn socket(self) -> SocketAddr {
         self.0
     }

@@ -30,7 +30,6 @@ pub struct GatewayCounters {
 
 impl GatewayCounters {
     /// Returns everything refused, whatever the reason.
-    #[must_use]
     pub fn rejected(&self) -> u64 {
         self.rejects.values().sum()
     }

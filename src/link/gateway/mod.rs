@@ -164,7 +164,6 @@ impl Gateways {
     }
 
     /// Returns where each gateway is found.
-    #[must_use]
     pub fn addresses(&self) -> Vec<(GatewayKind, GatewayAddress)> {
         self.at_work.iter().map(|(kind, address, _)| (*kind, address.clone())).collect()
     }
@@ -182,7 +181,6 @@ impl Gateways {
     }
 
     /// Returns the counters of each gateway.
-    #[must_use]
     pub fn counters(&self) -> Vec<(GatewayKind, GatewayCounters)> {
         self.at_work.iter().map(|(kind, _, tally)| (*kind, tally.lock().clone())).collect()
     }

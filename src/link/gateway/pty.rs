@@ -60,7 +60,6 @@ impl LinkedTerminal {
     }
 
     /// Returns the link's path.
-    #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }

@@ -30,7 +30,6 @@ pub enum Foreign {
 
 impl Foreign {
     /// Returns the word in counters.
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Http => "http_request",

@@ -19,26 +19,22 @@ pub struct PlainCodec {
 
 impl PlainCodec {
     /// Returns a codec that has read nothing.
-    #[must_use]
     pub fn new(layout: PlainLayout) -> Self {
         let (sequence, rejects) = (Sequence::default(), PlainRejectCounters::default());
         Self { layout, sequence, forty_two: FortyTwo::default(), rejects, first_refused: None, sent: 0 }
     }
 
     /// Returns which numbers it reads.
-    #[must_use]
     pub fn layout(&self) -> &PlainLayout {
         &self.layout
     }
 
     /// Returns how often and why messages were refused.
-    #[must_use]
     pub fn rejects(&self) -> &PlainRejectCounters {
         &self.rejects
     }
 
     /// Returns the first message, or line of 42, that was refused.
-    #[must_use]
     pub fn first_refused(&self) -> Option<RefusedMessage> {
         self.first_refused
     }
@@ -79,7 +75,6 @@ impl PlainCodec {
 
 impl PlainLayout {
     /// Returns true if these bytes are a message of this layout, which identifies a sender.
-    #[must_use]
     pub fn is_message(&self, bytes: &[u8]) -> bool {
         numbers::read(self, bytes).and_then(|values| self.record(&values)).is_ok()
     }

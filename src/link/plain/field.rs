@@ -51,13 +51,11 @@ pub const FIELD_NAMES: [(&str, Field); 22] = [
 
 impl Field {
     /// Returns the field of a name.
-    #[must_use]
     pub fn of_name(name: &str) -> Option<Self> {
         FIELD_NAMES.iter().find(|(known, _)| *known == name).map(|(_, field)| *field)
     }
 
     /// Returns its name.
-    #[must_use]
     pub fn name(self) -> &'static str {
         FIELD_NAMES.iter().find(|(_, field)| *field == self).map_or("", |(name, _)| name)
     }

@@ -206,7 +206,6 @@ impl PlainLayout {
     }
 
     /// Returns bytes of each message, where all have the same; `None` for text.
-    #[must_use]
     pub fn record_bytes(&self) -> Option<usize> {
         match self.encoding {
             Encoding::F64Le | Encoding::F64Be => Some(self.fields.len() * size_of::<f64>()),

@@ -13,7 +13,6 @@ macro_rules! rejects {
             pub const ALL: [Self; [$($name),+].len()] = [$(Self::$kind,)+];
 
             /// Returns its name in reports.
-            #[must_use]
             pub const fn name(self) -> &'static str {
                 match self { $(Self::$kind => $name,)+ }
             }
@@ -59,13 +58,11 @@ impl PlainRejectCounters {
     }
 
     /// Returns how often this was the reason.
-    #[must_use]
     pub fn get(&self, reject: PlainReject) -> u32 {
         self.counts[reject as usize]
     }
 
     /// Returns all refusals together.
-    #[must_use]
     pub fn total(&self) -> u64 {
         self.counts.iter().map(|count| u64::from(*count)).sum()
     }

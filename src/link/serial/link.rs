@@ -65,7 +65,6 @@ impl SerialLink {
 
     /// Returns the master's end of a pseudo terminal; `baud` is that of the line it replaces and limits the time of a
     /// write.
-    #[must_use]
     pub fn of_terminal(terminal: PseudoTerminal, baud: u32, clock: &Arc<dyn Clock>) -> Self {
         let params = SerialParams::new(terminal.path(), baud);
         Self::over(Port::Master(terminal), params, clock)
@@ -87,7 +86,6 @@ impl SerialLink {
     }
 
     /// Returns true while the port is there.
-    #[must_use]
     pub fn is_up(&self) -> bool {
         self.port.is_some()
     }

@@ -57,14 +57,12 @@ pub struct SerialParams {
 
 impl SerialParams {
     /// 8 data bits, no parity, one stop bit, no flow control.
-    #[must_use]
     pub fn new(path: impl Into<PathBuf>, baud: u32) -> Self {
         let (parity, stop_bits, flow) = (Parity::None, StopBits::One, FlowControl::None);
         Self { path: path.into(), baud, parity, stop_bits, flow }
     }
 
     /// Returns bits on the line per byte: start, 8 data, parity, stop.
-    #[must_use]
     pub fn bits_per_byte(&self) -> i64 {
         let parity = i64::from(self.parity != Parity::None);
         let stop = if self.stop_bits == StopBits::Two { 2 } else { 1 };

@@ -48,13 +48,11 @@ impl PseudoTerminal {
 
     /// Returns its parts for another server: the master, which does not block, the port, which must stay open, and the
     /// port's path.
-    #[must_use]
     pub fn into_ends(self) -> (OwnedFd, OwnedFd, PathBuf) {
         (self.master, self.port, self.path)
     }
 
     /// Returns the port that others open.
-    #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }

@@ -32,14 +32,12 @@ pub(super) struct Bus {
 }
 
 /// Makes a bus and returns its two ends.
-#[must_use]
 pub fn simulated_pair(params: BusParams, clock: &Arc<dyn Clock>) -> (SimulatedLink, SimulatedLink) {
     let bus = SimulatedBus::new(params, clock);
     (bus.attach(), bus.attach())
 }
 
 /// Returns a bus with `ends` ends.
-#[must_use]
 pub fn simulated_bus(params: BusParams, clock: &Arc<dyn Clock>, ends: usize) -> Vec<SimulatedLink> {
     let bus = SimulatedBus::new(params, clock);
     (0..ends).map(|_| bus.attach()).collect()
@@ -47,7 +45,6 @@ pub fn simulated_bus(params: BusParams, clock: &Arc<dyn Clock>, ends: usize) -> 
 
 impl SimulatedBus {
     /// Returns a bus without ends. The capacity to receive is the capacity to send as well.
-    #[must_use]
     pub fn new(params: BusParams, clock: &Arc<dyn Clock>) -> Self {
         let usual = BusModel::default();
         let transmit_packets = usual.transmit_packets.max(params.queue_packets);
@@ -55,27 +52,23 @@ impl SimulatedBus {
     }
 
     /// Returns the same, modelled otherwise than by default.
-    #[must_use]
     pub fn with_model(params: BusParams, model: BusModel, clock: &Arc<dyn Clock>) -> Self {
         let medium = Mutex::new(Medium::new(params.clone(), model, clock.now()));
         Self { bus: Arc::new(Bus { params, clock: Arc::clone(clock), medium, changed: Condvar::new() }) }
     }
 
     /// Returns one more end, at any time. The number of an end that has left is given again.
-    #[must_use]
     pub fn attach(&self) -> SimulatedLink {
         let end = self.bus.settled().attach();
         SimulatedLink { bus: Arc::clone(&self.bus), end }
     }
 
     /// Returns the parameters of the bus.
-    #[must_use]
     pub fn params(&self) -> &BusParams {
         &self.bus.params
     }
 
     /// Returns the statistics of the bus so far.
-    #[must_use]
     pub fn statistics(&self) -> BusStatistics {
         let now = self.bus.clock.now();
         let mut medium = self.bus.lock();
@@ -109,32 +102,27 @@ impl Bus {
 
 impl SimulatedLink {
     /// Returns the number of this end on its bus, from 0 in the order of attaching.
-    #[must_use]
     pub fn end(&self) -> usize {
         self.end
     }
 
     /// Returns the error counters of its controller.
-    #[must_use]
     pub fn error_counters(&self) -> ErrorCounters {
         self.bus.settled().ends[self.end].errors
     }
 
     /// Returns the number of packets that [`Link::send`] would still queue.
-    #[must_use]
     pub fn space(&self) -> usize {
         let medium = self.bus.settled();
         medium.model.transmit_packets.saturating_sub(medium.ends[self.end].outbox.len())
     }
 
     /// Receives as [`Link::receive`], for an end that several threads share.
-    #[must_use]
     pub fn take(&self, until: Tai) -> Option<Stamped<Packet>> {
         self.take_unless(until, &AtomicBool::new(false))
     }
 
     /// Receives as [`Self::take`]; stops waiting once `is_over` is set and [`Self::wake`] was called after that.
-    #[must_use]
     pub fn take_unless(&self, until: Tai, is_over: &AtomicBool) -> Option<Stamped<Packet>> {
         let mut medium = self.bus.lock();
         loop {

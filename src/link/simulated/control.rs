@@ -16,7 +16,6 @@ pub struct BusControl {
 
 impl SimulatedBus {
     /// Returns what commands its faults.
-    #[must_use]
     pub fn control(&self) -> BusControl {
         BusControl { bus: Arc::clone(&self.bus) }
     }
@@ -35,7 +34,6 @@ impl BusControl {
     }
 
     /// Returns every fault, in the order in which they were added, with its hits.
-    #[must_use]
     pub fn timed(&self) -> Vec<TimedBusFault> {
         self.bus.settled().faults.clone()
     }

@@ -34,7 +34,6 @@ pub struct ErrorCounters {
 
 impl ErrorCounters {
     /// Returns the error state of the controller.
-    #[must_use]
     pub fn state(&self) -> ErrorState {
         if self.transmit >= BUS_OFF {
             ErrorState::BusOff

@@ -23,13 +23,11 @@ pub struct BusStatistics {
 
 impl BusStatistics {
     /// Returns the share of the time for which the wire was not idle, 0 to 1.
-    #[must_use]
     pub fn load(&self) -> f64 {
         share(self.busy, self.until - self.since)
     }
 
     /// Returns the same since `earlier`.
-    #[must_use]
     pub fn load_since(&self, earlier: &Self) -> f64 {
         share(Span::from_ns(self.busy.ns() - earlier.busy.ns()), self.until - earlier.until)
     }

@@ -46,13 +46,11 @@ const BITS_PER_BYTE: u64 = 10;
 
 impl BusTiming {
     /// Returns whether both directions share the wire.
-    #[must_use]
     pub fn is_shared(&self) -> bool {
         !matches!(self, Self::Serial { .. } | Self::Datagram { .. })
     }
 
     /// Returns the kind of packet carried, for messages.
-    #[must_use]
     pub fn kind(&self) -> &'static str {
         match self {
             Self::CanClassic { .. } => "classic CAN",
@@ -63,7 +61,6 @@ impl BusTiming {
     }
 
     /// Returns the time of one bit outside the data phase of FD frames, rounded up to the nanosecond.
-    #[must_use]
     pub fn bit_time(&self) -> Span {
         match self {
             Self::CanClassic { bit_rate_bps: rate } | Self::CanFd { arbitration_bps: rate, .. } => span(1, *rate),
@@ -74,14 +71,12 @@ impl BusTiming {
 
     /// Returns the time on the wire with the most stuff bits, rounded up to the nanosecond; `None` when this wire does
     /// not carry such packets.
-    #[must_use]
     pub fn duration(&self, packet: &Packet) -> Option<Span> {
         self.duration_with(packet, Stuffing::Worst)
     }
 
     /// Returns the time on the wire with these stuff bits, rounded up to the nanosecond; `None` when this wire does not
     /// carry such packets.
-    #[must_use]
     pub fn duration_with(&self, packet: &Packet, stuffing: Stuffing) -> Option<Span> {
         match (self, packet) {
             (Self::CanClassic { bit_rate_bps }, Packet::Can(frame)) if !frame.is_fd() => {

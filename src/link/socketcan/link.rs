@@ -52,7 +52,6 @@ impl SocketCanLink {
     }
 
     /// Returns true while the interface is there and up.
-    #[must_use]
     pub fn is_up(&self) -> bool {
         self.socket.is_some()
     }

@@ -68,13 +68,11 @@ impl Capture {
     }
 
     /// Taps a link, whose packets the capture has under this number of an interface, from 0.
-    #[must_use]
     pub fn tap(&self, inner: Box<dyn Link>, interface: u8) -> CapturingLink {
         CapturingLink { inner, queue: self.queue.clone(), interface }
     }
 
     /// Ends the capture: packets that have passed so far are written. Taps that still exist lose later packets.
-    #[must_use]
     pub fn finish(self) -> CaptureOutcome {
         let error = match self.queue.end(self.writer) {
             Some(ended) => ended.unwrap_or(Some(CaptureError::WriterLost)),

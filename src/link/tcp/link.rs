@@ -91,13 +91,11 @@ impl TcpLink {
     }
 
     /// Returns the address at which it listens, or to which it connects.
-    #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
     /// Returns true while there is a connection.
-    #[must_use]
     pub fn is_connected(&self) -> bool {
         self.stream.is_some()
     }

@@ -44,7 +44,6 @@ pub struct Seat {
 
 impl Seat {
     /// Returns a free seat; `must_speak`: a client that is silent is of no use.
-    #[must_use]
     pub fn new(must_speak: bool) -> Self {
         let rests_until = Tai::from_ns(i64::MIN);
         Self { since: None, has_spoken: false, must_speak, waiting: None, rests_until, turned_away: 0, starved: 0 }
@@ -56,7 +55,6 @@ impl Seat {
     }
 
     /// Returns true when the present or the last client has spoken.
-    #[must_use]
     pub fn has_spoken(&self) -> bool {
         self.has_spoken
     }
@@ -77,7 +75,6 @@ impl Seat {
     }
 
     /// Returns when [`Self::look`] next has something to do without a newcomer; `None`: not before one comes.
-    #[must_use]
     pub fn next_look(&self, now: Tai) -> Option<Tai> {
         let rest = (self.rests_until > now).then_some(self.rests_until);
         let limit = if self.waiting.is_some() { GRACE } else { OPENING_WITHIN };
@@ -86,7 +83,6 @@ impl Seat {
     }
 
     /// Returns false while newcomers are left waiting in the system's queue.
-    #[must_use]
     pub fn takes_newcomers(&self, now: Tai) -> bool {
         now >= self.rests_until
     }

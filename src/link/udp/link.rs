@@ -56,7 +56,6 @@ impl UdpLink {
     }
 
     /// Returns the address at which it receives.
-    #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address
     }

@@ -37,7 +37,6 @@ pub struct UdpParams {
 
 impl UdpParams {
     /// Takes any sender of any bytes, at an address of this end.
-    #[must_use]
     pub fn new(listen: SocketAddr) -> Self {
         Self { listen, peer: None, sender_timeout: Span::from_ms(2000), is_message: Box::new(|_| true) }
     }

@@ -112,13 +112,11 @@ impl BeatInput {
 
 impl Beat {
     /// Returns true if frames of the same scene differ by a detectable amount.
-    #[must_use]
     pub fn is_seen(&self) -> bool {
         self.ripple_mag > UNSEEN_MAG
     }
 
     /// Returns one or two sentences, for `check`.
-    #[must_use]
     pub fn advice(&self) -> String {
         if !self.is_seen() {
             return format!("an exposure holds {:.3} refreshes; no beat above {UNSEEN_MAG} mag", self.refreshes);

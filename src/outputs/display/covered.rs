@@ -33,7 +33,6 @@ fn chain(points: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
 
 impl Covered {
     /// Returns the area within points; `None` when they are on one line, fewer than three, or not finite.
-    #[must_use]
     pub fn within(points_px: &[[f64; 2]]) -> Option<Self> {
         let mut sorted = points_px.to_vec();
         sorted.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
@@ -44,13 +43,11 @@ impl Covered {
     }
 
     /// Returns the corners.
-    #[must_use]
     pub fn corners_px(&self) -> &[[f64; 2]] {
         &self.corners_px
     }
 
     /// Returns true if a place is within the outermost dots.
-    #[must_use]
     pub fn contains(&self, px: [f64; 2]) -> bool {
         let next = self.corners_px.iter().cycle().skip(1);
         self.corners_px.iter().zip(next).all(|(a, b)| {
@@ -60,7 +57,6 @@ impl Covered {
     }
 
     /// Returns the smallest and largest column, smallest and largest row.
-    #[must_use]
     pub fn range_px(&self) -> [f64; 4] {
         let start = [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY];
         self.corners_px.iter().fold(start, |[l, r, t, b], [x, y]| [l.min(*x), r.max(*x), t.min(*y), b.max(*y)])

@@ -43,19 +43,16 @@ impl Dither {
     }
 
     /// Refreshes of one cycle.
-    #[must_use]
     pub fn cycle(self) -> u32 {
         self.cycle
     }
 
     /// Returns the largest error of the mean over one cycle, steps between greys.
-    #[must_use]
     pub fn bound(self) -> f64 {
         0.5 / f64::from(self.cycle)
     }
 
     /// Returns where in the cycle a pixel begins.
-    #[must_use]
     pub fn start(self, x: u32, y: u32) -> u8 {
         #[allow(clippy::cast_possible_truncation, reason = "below the cycle, which is 256 at most")]
         let start = (philox([x, y, 0, 0], KEY)[0] & (self.cycle - 1)) as u8;
@@ -64,7 +61,6 @@ impl Dither {
 
     /// Returns the threshold of a refresh for a pixel that begins at `start`: the brighter grey where the share is
     /// above it.
-    #[must_use]
     pub fn threshold(self, refresh: u64, start: u8) -> f32 {
         let mask = u64::from(self.cycle - 1);
         #[allow(clippy::cast_possible_truncation, reason = "masked to 8 bits")]
@@ -75,7 +71,6 @@ impl Dither {
     }
 
     /// Returns whether a refresh shows the brighter of the two greys.
-    #[must_use]
     pub fn is_brighter(self, share: f32, refresh: u64, start: u8) -> bool {
         share > self.threshold(refresh, start)
     }

@@ -35,7 +35,6 @@ pub struct DisplayDrive {
 
 impl DisplayDrive {
     /// Prepares tables and maps. `mirrored`: drawn column x is shown in column width - 1 - x.
-    #[must_use]
     pub fn new(response: &Response, flat: &FlatField, size_px: [usize; 2], dither: Dither, mirrored: bool) -> Self {
         let [width, height] = size_px;
         let places = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));

@@ -84,25 +84,21 @@ impl FlatField {
     }
 
     /// Returns the field with the same light everywhere.
-    #[must_use]
     pub fn uniform(size_px: [usize; 2]) -> Self {
         Self { parameters: FlatParameters { degree: 0, coefficient: vec![1.0] }, size_px }
     }
 
     /// Returns the numbers as given.
-    #[must_use]
     pub fn parameters(&self) -> &FlatParameters {
         &self.parameters
     }
 
     /// Returns the relative light of the pixel at a place, display px.
-    #[must_use]
     pub fn at(&self, px: [f64; 2]) -> f64 {
         value(self.parameters.degree, &self.parameters.coefficient, px, self.size_px)
     }
 
     /// Returns the least and most light on the display.
-    #[must_use]
     pub fn range(&self) -> [f64; 2] {
         let place = |i: usize, side: usize| i as f64 * (side as f64 - 1.0) / (LOOKED_AT as f64 - 1.0);
         let [width, height] = self.size_px;

@@ -89,51 +89,43 @@ impl DisplayGeometry {
 
     /// Returns the camera that a renderer draws this display's frames with: directions in *drawn* axes -> display px,
     /// columns not yet mirrored. Error against the fitted map: [`CAMERA_PX`].
-    #[must_use]
     pub fn camera(&self) -> &CameraGeometry {
         &self.camera
     }
 
     /// Turns the tracker's sensor axes into those that [`Self::camera`] calls sensor axes: multiply an attitude from
     /// the left, `drawn_from_sensor * sensor_from_icrf`.
-    #[must_use]
     pub fn drawn_from_sensor(&self) -> Rotation<Sensor, Sensor> {
         self.drawn_from_sensor
     }
 
     /// Returns whether drawn columns are to be shown in reverse order: column x at `width - 1 - x`.
-    #[must_use]
     pub fn mirrored(&self) -> bool {
         self.mirrored
     }
 
     /// Returns the area in which dots were seen, display px as shown: beyond it the map is a guess.
-    #[must_use]
     pub fn covered(&self) -> &Covered {
         &self.covered
     }
 
     /// Returns the display pixel, as shown, of a direction in the tracker's sensor axes; `None` as for
     /// [`CameraGeometry::project`].
-    #[must_use]
     pub fn project(&self, v_sensor: DVec3) -> Option<[f64; 2]> {
         self.camera.project(self.drawn_from_sensor.apply(v_sensor)).map(|px| self.shown(px))
     }
 
     /// Returns the direction in the tracker's sensor axes, unit length, of a display pixel as shown.
-    #[must_use]
     pub fn unproject(&self, px: [f64; 2]) -> Option<DVec3> {
         self.camera.unproject(self.shown(px)).map(|v| self.drawn_from_sensor.inverse().apply(v))
     }
 
     /// Converts a drawn column to the shown one, and back.
-    #[must_use]
     pub fn shown(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         if self.mirrored { [self.camera.width_px() as f64 - 1.0 - x, y] } else { [x, y] }
     }
 
     /// Returns the angle of one display pixel in the middle of the covered area, arcsec.
-    #[must_use]
     pub fn arcsec_per_px(&self) -> f64 {
         let [left, right, top, bottom] = self.covered.range_px();
         let middle = [0.5 * (left + right), 0.5 * (top + bottom)];

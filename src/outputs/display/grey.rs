@@ -46,7 +46,6 @@ impl GreyTable {
 
     /// Greys in proportion to luminance: right for a display whose response is linear, which no monitor's is by
     /// itself.
-    #[must_use]
     pub fn linear(bits: u32) -> Self {
         let most = most_of(bits);
         let entries = (0..FEWEST_ENTRIES).map(|i| most * (i as f32 / (FEWEST_ENTRIES - 1) as f32)).collect();
@@ -67,13 +66,11 @@ impl GreyTable {
     }
 
     /// Returns bits of a grey.
-    #[must_use]
     pub fn bits(&self) -> u32 {
         self.bits
     }
 
     /// Returns the grey of a luminance, with its fraction.
-    #[must_use]
     pub fn grey(&self, luminance: u16) -> f64 {
         let steps = self.entries.len() - 1;
         // Whole numbers as far as they go, so that entries are met exactly.
@@ -85,7 +82,6 @@ impl GreyTable {
     }
 
     /// Returns the nearest whole grey of a luminance; halves go up.
-    #[must_use]
     pub fn nearest(&self, luminance: u16) -> u16 {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 1023 by the table's checks")]
         let grey = (self.grey(luminance) + 0.5).floor() as u16;
@@ -118,7 +114,6 @@ pub struct GreyMaker {
 
 impl GreyMaker {
     /// Returns the nearest grey of a table.
-    #[must_use]
     pub fn nearest(table: &GreyTable) -> Self {
         let greys: Vec<u16> = (0..=u16::MAX).map(|luminance| table.nearest(luminance)).collect();
         let make = move |luminances: &[u16], out: &mut [u16], _: Row| {
@@ -143,13 +138,11 @@ impl GreyMaker {
     }
 
     /// Returns bits of a grey.
-    #[must_use]
     pub fn bits(&self) -> u32 {
         self.bits
     }
 
     /// Returns whether a repeated frame has other greys.
-    #[must_use]
     pub fn changes_by_refresh(&self) -> bool {
         self.changes_by_refresh
     }

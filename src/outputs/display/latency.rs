@@ -139,7 +139,6 @@ pub fn flips_of(submits_s: &[f64], edges_s: &[f64]) -> Result<Vec<Flip>, Latency
 
 impl Latency {
     /// Returns a latency that a person states, with its full spread.
-    #[must_use]
     pub fn given(latency: Span, spread: Span) -> Self {
         let half = spread.ns() / 2;
         let range_ns = [latency.ns() - half, latency.ns() + half];
@@ -205,7 +204,6 @@ impl Latency {
     }
 
     /// Returns the time from submit to the light of a row (its number over the number of rows, 0 to 1).
-    #[must_use]
     pub fn at_row(&self, row_share: f64) -> Span {
         Span::from_ns(self.median_ns) + self.scan_after_marker(row_share)
     }
@@ -215,7 +213,6 @@ impl Latency {
     }
 
     /// Returns the latency in words, with its unknown parts.
-    #[must_use]
     pub fn reported(&self) -> String {
         let ms = |ns: i64| ns as f64 * 1e-6;
         let (median, spread) = (ms(self.median_ns), ms(self.spread_ns));

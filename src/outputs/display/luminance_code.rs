@@ -29,13 +29,11 @@ fn along(value: f64, from: usize) -> f64 {
 }
 
 /// Returns the luminance of a code, 0 to 1.
-#[must_use]
 pub fn luminance(code: u16) -> f64 {
     along(f64::from(code), 1)
 }
 
 /// Returns the nearest code of a luminance; beyond 0 to 1, and for a value that is not a number, the ends.
-#[must_use]
 pub fn code(luminance: f64) -> u16 {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 65535")]
     let code = along(luminance.clamp(0.0, 1.0), 0).round() as u16;

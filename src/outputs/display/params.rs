@@ -17,7 +17,6 @@ pub enum Bits {
 
 impl Bits {
     /// Returns the number of bits.
-    #[must_use]
     pub const fn count(self) -> u32 {
         match self {
             Self::Eight => 8,
@@ -26,7 +25,6 @@ impl Bits {
     }
 
     /// Returns the brightest grey, `2^bits - 1`.
-    #[must_use]
     pub const fn most(self) -> u16 {
         match self {
             Self::Eight => 255,
@@ -69,7 +67,6 @@ pub struct Params {
 
 impl Params {
     /// Returns the whole primary monitor, 8 bits, no marker.
-    #[must_use]
     pub const fn full_screen() -> Self {
         Self {
             monitor: MonitorChoice::Primary,
@@ -84,7 +81,6 @@ impl Params {
 
     /// Returns how long before its light is to leave a frame may be submitted at the earliest: the latency and half a
     /// refresh, so that of all refreshes it gets the one whose light comes nearest. `None`: at any time.
-    #[must_use]
     pub fn lead(&self) -> Option<Span> {
         let refresh = self.refresh?;
         Some(self.latency.unwrap_or(Span::ZERO) + Span::from_ns(refresh.ns() / 2))

@@ -14,19 +14,16 @@ pub struct Picture {
 
 impl Picture {
     /// Returns a black picture; `white` is the brightest grey.
-    #[must_use]
     pub fn new(size_px: [usize; 2], marker: Option<Marker>, white: u16) -> Self {
         Self { size_px, greys: vec![0; size_px[0] * size_px[1]], marker, white }
     }
 
     /// Returns columns and rows.
-    #[must_use]
     pub fn size_px(&self) -> [usize; 2] {
         self.size_px
     }
 
     /// Returns all greys.
-    #[must_use]
     pub fn greys(&self) -> &[u16] {
         &self.greys
     }

@@ -153,20 +153,17 @@ impl Response {
     }
 
     /// Returns the numbers as given.
-    #[must_use]
     pub fn parameters(&self) -> &ResponseParameters {
         &self.parameters
     }
 
     /// Returns the luminance above black of every grey, 0 to 1, rising.
-    #[must_use]
     pub fn luminance(&self) -> &[f64] {
         &self.luminance
     }
 
     /// Returns the grey, and the share of the step to the next one, whose luminance is `luminance`; beyond 0 to 1 the
     /// ends.
-    #[must_use]
     pub fn grey_of(&self, luminance: f64) -> (usize, f64) {
         let above = self.luminance.partition_point(|l| *l <= luminance);
         let grey = above.saturating_sub(1);
@@ -180,7 +177,6 @@ impl Response {
     }
 
     /// Returns the standard error of the measured greys above 1 % of full, magnitudes, their median.
-    #[must_use]
     pub fn sigma_mag(&self) -> f64 {
         let bright = self.parameters.level.iter().filter(|level| level.luminance > DARKEST_FOR_GAMMA);
         let mut sigmas: Vec<f64> =

@@ -53,7 +53,6 @@ impl SubmitRow {
 
     /// Returns the submit time, seconds since 1970 as UTC counts them: what other programs of the same machine stamp
     /// with, where the run's clock is the machine's (`starloop display flip`, a bench with `start_utc = "now"`).
-    #[must_use]
     pub fn submit_unix_s(&self) -> f64 {
         Tai::from_ns(self.submit_tai_ns).to_unix_ns() as f64 * 1e-9
     }

@@ -22,7 +22,6 @@ pub struct Submitted {
 
 impl Submitted {
     /// Returns when light should leave the screen, by a latency that was measured or given. A prediction.
-    #[must_use]
     pub fn predicted_light(&self, latency: Span) -> Tai {
         self.submit + latency
     }

@@ -27,13 +27,11 @@ impl Display {
     }
 
     /// Returns which monitor, driver and format.
-    #[must_use]
     pub fn description(&self) -> &str {
         match self.0 {}
     }
 
     /// Returns the counts of frames and refreshes so far.
-    #[must_use]
     pub fn counts(&self) -> Counts {
         match self.0 {}
     }
@@ -47,13 +45,11 @@ impl Display {
     }
 
     /// Returns the submit times, for one reader.
-    #[must_use]
     pub fn submits(&self) -> Receiver<Submitted> {
         match self.0 {}
     }
 
     /// Returns why nothing is shown any more, if so.
-    #[must_use]
     pub fn ended(&self) -> Option<&DisplayError> {
         match self.0 {}
     }

@@ -66,7 +66,6 @@ impl LiveView {
 
     /// Serves the end of a run for [`LINGER`], when a client is connected, and ends; false when its thread ended
     /// before, by a panic or because it could not listen.
-    #[must_use]
     pub fn finish(mut self) -> bool {
         let is_watched = {
             let mut board = lock(&self.board);
@@ -80,7 +79,6 @@ impl LiveView {
     }
 
     /// Returns where it listens.
-    #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address
     }
@@ -93,7 +91,6 @@ impl LiveView {
     }
 
     /// Returns whether other machines can reach it: it does not ask for a password.
-    #[must_use]
     pub fn is_exposed(&self) -> bool {
         !self.address.ip().is_loopback()
     }

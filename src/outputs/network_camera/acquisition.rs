@@ -35,7 +35,6 @@ impl Wanted {
     }
 
     /// Returns the acquisition for which a frame would be taken now.
-    #[must_use]
     pub fn by(&self) -> Option<u32> {
         let word = self.acquisition_and_left.load(Ordering::Acquire);
         (left(word) > 0).then_some(acquisition(word))
@@ -53,7 +52,6 @@ impl Wanted {
     }
 
     /// Returns true for an exposure that started before the acquisition.
-    #[must_use]
     pub fn is_before(&self, exposure_start: Tai) -> bool {
         exposure_start.ns() < self.from_ns.load(Ordering::Acquire)
     }

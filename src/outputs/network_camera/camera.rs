@@ -142,19 +142,16 @@ impl NetworkCamera {
     }
 
     /// Returns where clients find it.
-    #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
     /// Returns whether other machines can reach it: a camera does not ask for a password.
-    #[must_use]
     pub fn is_exposed(&self) -> bool {
         !self.address.ip().is_loopback()
     }
 
     /// Returns the counts of sent, lost and refused so far.
-    #[must_use]
     pub fn counters(&self) -> Counters {
         self.shared.tally.read()
     }

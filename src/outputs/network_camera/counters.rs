@@ -23,7 +23,6 @@ macro_rules! counters {
 
         impl Counters {
             /// Returns every count that is not zero, by name.
-            #[must_use]
             pub fn named(&self) -> Vec<(&'static str, u64)> {
                 let counts = [$((stringify!($name), self.$name)),*];
                 counts.into_iter().chain(self.malformed.iter().map(|(name, count)| (*name, *count))).filter(|(_, count)| *count > 0).collect()

@@ -177,7 +177,6 @@ impl Device {
     }
 
     /// Returns the count of frames that clients still want.
-    #[must_use]
     pub fn wanted(&self) -> Arc<Wanted> {
         Arc::clone(&self.shared.wanted)
     }
@@ -191,7 +190,6 @@ impl Device {
     }
 
     /// Returns the counts so far.
-    #[must_use]
     pub fn counters(&self) -> Counters {
         self.tally().read()
     }
@@ -289,7 +287,6 @@ impl Device {
     }
 
     /// Returns how frames are to be sent from now on.
-    #[must_use]
     pub fn stream(&self) -> StreamSettings {
         let word = |address| self.memory.word(address);
         let port = u16::try_from(word(at::STREAM_PORT) & 0xFFFF).unwrap_or_default();

@@ -62,7 +62,6 @@ pub enum Status {
 
 impl Status {
     /// Returns its number on the wire.
-    #[must_use]
     pub const fn code(self) -> u16 {
         match self {
             Self::Success => 0,
@@ -169,7 +168,6 @@ pub struct Resend {
 
 impl Resend {
     /// Returns the number of packets.
-    #[must_use]
     pub fn packets(&self) -> u64 {
         u64::from(self.last - self.first) + 1
     }

@@ -83,7 +83,6 @@ impl PixelFormat {
     }
 
     /// Returns its number in registers and packets, of a sensor with these colours or none.
-    #[must_use]
     pub const fn code(self, colours: Option<BayerPattern>) -> u32 {
         match colours {
             None => self.row().0,
@@ -114,7 +113,6 @@ impl PixelFormat {
     }
 
     /// Returns the format of a number, of a sensor with these colours or none.
-    #[must_use]
     pub fn from_code(code: u32, colours: Option<BayerPattern>) -> Option<Self> {
         Self::NAMED.into_iter().map(|(_, format)| format).find(|format| format.code(colours) == code)
     }
@@ -132,7 +130,6 @@ impl PixelFormat {
     }
 
     /// Returns the narrowest unpacked format that holds pixels of so many bits.
-    #[must_use]
     pub const fn for_bits(bits: u32) -> Self {
         match bits {
             0..=8 => Self::Mono8,
@@ -144,13 +141,11 @@ impl PixelFormat {
     }
 
     /// Returns bits of one sample.
-    #[must_use]
     pub const fn bits(self) -> u32 {
         self.row().1
     }
 
     /// Returns bytes of so many pixels.
-    #[must_use]
     pub const fn bytes(self, pixels: usize) -> usize {
         match self.row().2 {
             Layout::Bytes => pixels,

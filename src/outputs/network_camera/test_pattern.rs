@@ -44,13 +44,11 @@ impl TestPattern {
     ];
 
     /// Returns the pattern of a number in the register.
-    #[must_use]
     pub fn from_number(number: u32) -> Option<Self> {
         Self::NAMED.get(usize::try_from(number).ok()?).map(|(_, pattern)| *pattern)
     }
 
     /// Returns its name.
-    #[must_use]
     pub fn name(self) -> &'static str {
         Self::NAMED.iter().find(|(_, pattern)| *pattern == self).map_or("Off", |(name, _)| name)
     }

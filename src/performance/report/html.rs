@@ -18,7 +18,6 @@ th{background:#f3f3f3}tr.bad td{background:#fff1ea}tr.open td{background:#fff8dc
 svg{max-width:100%;height:auto;margin:.6em 0}p.small{color:#555;font-size:.86em}@media print{body{max-width:none}table{width:100%}h1{print-color-adjust:exact;-webkit-print-color-adjust:exact}h2{break-after:avoid}svg{break-inside:avoid}}";
 
 /// Returns the report as HTML; `data` is the hash of the report as JSON beside it.
-#[must_use]
 pub fn to_html(report: &Report, assessment: &Assessment, data: &FileHash) -> String {
     let mut page = Page(String::new());
     let class = match report.outcome {

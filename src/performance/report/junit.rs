@@ -7,7 +7,6 @@ use core::fmt::Write;
 use frames::report::xml::escaped;
 
 /// Returns the document.
-#[must_use]
 pub fn to_junit(report: &Report) -> String {
     let count = |wanted: &[Verdict]| report.requirements.iter().filter(|one| wanted.contains(&one.verdict)).count();
     let mut text = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n");

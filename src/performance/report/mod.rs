@@ -100,7 +100,6 @@ impl CaseRow {
 
 impl Report {
     /// Returns the report of an assessment.
-    #[must_use]
     pub fn new(
         title: String,
         assessment: &Assessment,

@@ -84,7 +84,6 @@ pub enum Decision {
 }
 
 /// Applies the policy to an attitude at mid-exposure.
-#[must_use]
 pub fn decide(estimated: &EstimatedAttitude, policy: StalePolicy) -> Decision {
     if estimated.origin != PathOrigin::Held {
         return Decision::Show;

@@ -41,7 +41,6 @@ pub struct PathReport {
 impl PathReport {
     /// Returns true when two or more samples are missing at one end of the exposure: the motion there is extrapolated,
     /// though its middle may be interpolated. A single missing sample is normal: it is still on its way.
-    #[must_use]
     pub fn is_partly_extrapolated(&self) -> bool {
         self.outside > self.interval + self.interval
     }

@@ -18,7 +18,6 @@ pub struct AttitudeHistory {
 
 impl AttitudeHistory {
     /// Returns an empty history; all memory is allocated here.
-    #[must_use]
     pub fn new(limits: HistoryLimits) -> Self {
         Self { ring: EpochRing::new(limits), counts: HistoryCounts::default() }
     }
@@ -55,37 +54,31 @@ impl AttitudeHistory {
     }
 
     /// Returns the counts of accepted and refused samples.
-    #[must_use]
     pub fn counts(&self) -> HistoryCounts {
         self.counts
     }
 
     /// Returns the number of stored samples.
-    #[must_use]
     pub fn len(&self) -> usize {
         self.ring.len()
     }
 
     /// Returns true before the first sample.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.ring.len() == 0
     }
 
     /// Returns the stored sample with the earliest epoch.
-    #[must_use]
     pub fn oldest(&self) -> Option<&AttitudeSample> {
         self.ring.oldest()
     }
 
     /// Returns the stored sample with the latest epoch.
-    #[must_use]
     pub fn newest(&self) -> Option<&AttitudeSample> {
         self.ring.newest()
     }
 
     /// Returns the last sample at or before `at`, and the first after it.
-    #[must_use]
     pub fn around(&self, at: Tai) -> (Option<&AttitudeSample>, Option<&AttitudeSample>) {
         let after = self.ring.count_until(at);
         (after.checked_sub(1).and_then(|place| self.ring.get(place)), self.ring.get(after))

@@ -24,7 +24,6 @@ const SERIES_BELOW_RAD: f64 = 1e-2;
 ///
 /// `at` should lie between the two epochs; outside them the cubic is continued. For samples of the same epoch the
 /// earlier one is returned.
-#[must_use]
 pub fn interpolate(earlier: &AttitudeSample, later: &AttitudeSample, at: Tai) -> AttitudeState {
     let h_s = (later.at - earlier.at).s();
     if h_s <= 0.0 {
@@ -45,7 +44,6 @@ pub fn interpolate(earlier: &AttitudeSample, later: &AttitudeSample, at: Tai) ->
 
 /// Returns the largest error, rad, of the curve between samples `interval_s` apart when the fourth derivative of the
 /// rotation angle is at most `snap_rad_s4` (for `A sin(2 pi f t)`: `A (2 pi f)^4`).
-#[must_use]
 pub fn hermite_error_bound_rad(interval_s: f64, snap_rad_s4: f64) -> f64 {
     interval_s.powi(4) * snap_rad_s4 / 384.0
 }

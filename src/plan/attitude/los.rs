@@ -86,27 +86,23 @@ impl LosPath {
 
 impl JitterTrack {
     /// Returns a track without jitter.
-    #[must_use]
     pub fn none() -> Self {
         Self { lines: Vec::new(), lines_epoch: Tai::from_ns(0), points: Vec::new() }
     }
 
     /// Returns true without jitter to integrate.
-    #[must_use]
     pub fn is_still(&self) -> bool {
         self.lines.is_empty() && self.points.is_empty()
     }
 
     /// Returns the highest frequency, Hz, of the lines that are not negligible (0 without lines): quadrature must
     /// resolve it.
-    #[must_use]
     pub fn highest_line_hz(&self) -> f64 {
         let moving = self.lines.iter().filter(|line| line.amplitude_rad.abs().max_element() > NEGLIGIBLE_RAD);
         moving.fold(0.0, |highest, line| line.frequency_hz.max(highest))
     }
 
     /// Returns the rotation vector of the sensor axes at `at`, sensor axes, rad.
-    #[must_use]
     pub fn rotation_at(&self, at: Tai) -> DVec3 {
         let t_s = (at - self.lines_epoch).s();
         let turns = |line: &JitterLine| line.frequency_hz * t_s + line.phase_rad * (1.0 / core::f64::consts::TAU);
@@ -176,7 +172,6 @@ pub(super) fn polyline_at(points: &[JitterPoint], at: Tai) -> DVec3 {
 
 impl LosPath {
     /// Returns a static line of sight, as commanded by the user.
-    #[must_use]
     pub fn commanded(sensor_from_icrf: Rotation<Sensor, Icrf>, exposure_start: Tai, exposure_s: f64) -> Self {
         Self {
             exposure_start,
@@ -191,20 +186,17 @@ impl LosPath {
     }
 
     /// Returns the instant in the middle of the exposure.
-    #[must_use]
     pub fn mid_exposure(&self) -> Tai {
         self.exposure_start + Span::from_s(0.5 * self.exposure_s)
     }
 
     /// Returns the smooth rotation vector away from mid-exposure, `t_s` seconds from mid-exposure, sensor axes, rad:
     /// `w t + a t^2 / 2` (error: commutation `|w x a| t^3 / 12`, and the jerk).
-    #[must_use]
     pub fn smooth_rotation_rad(&self, t_s: f64) -> DVec3 {
         self.rate_rad_s * t_s + self.acceleration_rad_s2 * (0.5 * t_s * t_s)
     }
 
     /// Returns the jitter rotation vector `t_s` seconds from mid-exposure, sensor axes, rad.
-    #[must_use]
     pub fn jitter_rotation_rad(&self, t_s: f64) -> DVec3 {
         self.jitter.rotation_at(self.mid_exposure() + Span::from_s(t_s))
     }

@@ -64,7 +64,6 @@ pub struct MeasuredError {
 
 impl AnalyticMotion {
     /// Returns attitude, rate and acceleration at `at`, exact.
-    #[must_use]
     pub fn sample_at(&self, at: Tai) -> AttitudeSample {
         let t = (at - EPOCH).s();
         let [w, a, j] = [self.rate_rad_s, self.acceleration_rad_s2, self.jerk_rad_s3];
@@ -80,7 +79,6 @@ impl AnalyticMotion {
     }
 
     /// Returns the motion's magnitudes from time zero to `until_s`.
-    #[must_use]
     pub fn scale(&self, until_s: f64) -> MotionScale {
         let [w, a, j] = [self.rate_rad_s, self.acceleration_rad_s2, self.jerk_rad_s3].map(f64::abs);
         MotionScale {
@@ -136,7 +134,6 @@ impl SinusoidTurn {
 }
 
 /// Returns the worst measured error and the bound of every method over every horizon, method by method.
-#[must_use]
 pub fn measured_prediction_errors(motion: &AnalyticMotion, horizons_s: &[f64]) -> Vec<MeasuredError> {
     let spread_s = motion.longest_period_s();
     let starts = |k: u32| EPOCH + Span::from_s(spread_s * f64::from(k) / f64::from(STARTS));

@@ -86,7 +86,6 @@ impl AttitudeMethod {
     pub const ALL: [Self; 4] = [Self::Hold, Self::ConstantRate, Self::ConstantAcceleration, Self::Interpolation];
 
     /// Returns the name in tables.
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Hold => "hold",
@@ -101,7 +100,6 @@ impl AttitudeMethod {
     ///
     /// `span_s` is the time since the sample; for `Interpolation`, the time between the samples. Never above half a
     /// turn, and half a turn outside the method's domain.
-    #[must_use]
     pub fn bound_rad(self, motion: &MotionScale, span_s: f64) -> f64 {
         let span_s = span_s.abs();
         let bound_rad = match self {
@@ -148,13 +146,11 @@ fn interpolation_refusal(motion: &MotionScale, spacing_s: f64) -> Option<Attitud
 }
 
 /// Compares every method with `budget_rad`; returns the results in the order of [`AttitudeMethod::ALL`].
-#[must_use]
 pub fn assess_methods(budget_rad: f64, motion: &MotionScale, reach: Reach) -> [AttitudeAssessment; 4] {
     AttitudeMethod::ALL.map(|method| method.assess(budget_rad, motion, reach))
 }
 
 /// Returns the least demanding method that fits; `None` when none does.
-#[must_use]
 pub fn cheapest(assessed: &[AttitudeAssessment]) -> Option<AttitudeMethod> {
     assessed.iter().filter(|a| a.verdict == AttitudeVerdict::Fits).map(|a| a.method).min()
 }

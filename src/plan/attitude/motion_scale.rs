@@ -21,7 +21,6 @@ pub struct Sinusoid {
 
 impl Sinusoid {
     /// Returns the angular frequency, rad/s.
-    #[must_use]
     pub fn angular_rad_s(&self) -> f64 {
         TAU * self.frequency_hz.abs()
     }
@@ -55,7 +54,6 @@ impl MotionScale {
     }
 
     /// Returns the highest frequency of the sinusoids, Hz; 0 without any.
-    #[must_use]
     pub fn highest_frequency_hz(&self) -> f64 {
         self.sinusoids.iter().fold(0.0, |highest, s| s.frequency_hz.abs().max(highest))
     }

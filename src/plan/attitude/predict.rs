@@ -37,7 +37,6 @@ impl From<&AttitudeSample> for AttitudeState {
 /// Returns the state at `at`, using the acceleration for `acceleration_horizon` and only the rate after that.
 ///
 /// For a time before the state's own the same equations run backwards (without limit on the acceleration).
-#[must_use]
 pub fn predict(from: &AttitudeState, at: Tai, acceleration_horizon: Span) -> AttitudeState {
     let trusted_until = from.at + acceleration_horizon;
     if at <= trusted_until {
@@ -60,7 +59,6 @@ fn accelerated(from: &AttitudeState, at: Tai) -> AttitudeState {
 
 /// Returns the state at `at` when the stream stopped at `from`: the rate decays as `exp(-t / rate_decay)`, so the
 /// attitude comes to rest after a further turn of `w * rate_decay`. A decay of zero stops it at once.
-#[must_use]
 pub fn held_state(from: &AttitudeState, at: Tai, rate_decay: Span) -> AttitudeState {
     let (t_s, decay_s) = ((at - from.at).s().max(0.0), rate_decay.s());
     let (share, travel_s) =
@@ -91,7 +89,6 @@ pub struct PredictionErrors {
 impl PredictionErrors {
     /// Returns the largest error, rad, of a prediction by `horizon_s` at this rate and acceleration. Commutation adds
     /// `|w x a| T^3 / 12` (second term of the Magnus series).
-    #[must_use]
     pub fn bound_rad(&self, rate_rad_s: DVec3, acceleration_rad_s2: DVec3, horizon_s: f64) -> f64 {
         let t = horizon_s.abs();
         self.unused_acceleration_rad_s2 * t * t / 2.0

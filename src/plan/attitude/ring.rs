@@ -48,7 +48,6 @@ pub struct HistoryCounts {
 
 impl HistoryCounts {
     /// Returns the number of all refusals.
-    #[must_use]
     pub fn refused(&self) -> u64 {
         self.duplicate_epoch + self.stale + self.future + self.not_finite + self.too_fast + self.older_than_history
     }

@@ -116,7 +116,6 @@ pub(super) struct Chooser {
 
 impl Chooser {
     /// Returns a chooser for one instrument, budget and backend.
-    #[must_use]
     pub(super) fn new(
         instrument: &Instrument,
         budget: AccuracyBudget,
@@ -427,7 +426,6 @@ impl Chooser {
     }
 
     /// Returns how many of the plan's stars fit `limit_ms` with the present method of the plan.
-    #[must_use]
     pub(super) fn stars_within(&self, plan: &ExposurePlan, limit_ms: f64) -> usize {
         let pixels = self.instrument.camera.width_px() * self.instrument.camera.height_px();
         let left_ms = limit_ms - self.cost.empty_frame_ms(pixels, self.moves);

@@ -16,21 +16,18 @@ pub struct Correction {
 impl Correction {
     /// Returns the correction through `values` at the probes (row by row) of a detector whose last pixel is at
     /// `size_px`.
-    #[must_use]
     pub fn through(size_px: [f64; 2], values: [[f64; 2]; SIDE * SIDE]) -> Self {
         let is_nothing = values.iter().flatten().all(|v| v.abs() <= NOTHING_PX);
         Self { size_px, values, is_nothing }
     }
 
     /// Returns a correction of zero.
-    #[must_use]
     pub fn none() -> Self {
         Self { size_px: [1.0; 2], values: [[0.0; 2]; SIDE * SIDE], is_nothing: true }
     }
 
     /// Returns the displacement at `px`.
     #[inline]
-    #[must_use]
     pub fn at(&self, px: [f64; 2]) -> [f64; 2] {
         if self.is_nothing {
             return [0.0; 2];
@@ -75,7 +72,6 @@ impl Correction {
 
 /// Returns the Lagrange weights at `t` for points at -1, 0, 1.
 #[inline(always)]
-#[must_use]
 pub fn quadratic(t: f64) -> [f64; 3] {
     [0.5 * t * (t - 1.0), 1.0 - t * t, 0.5 * t * (t + 1.0)]
 }

@@ -122,7 +122,6 @@ impl CostModel {
     };
 
     /// Returns true when every constant is finite and not negative, and drawing takes time.
-    #[must_use]
     pub fn is_sound(&self) -> bool {
         // Every constant by name, so that a new one cannot be forgotten.
         let Self { frame_ms, pixel_ns, star_ns, motion_ms, motion_star_ns, splat_ns, table_pixel_ns, .. } = *self;
@@ -133,20 +132,17 @@ impl CostModel {
     }
 
     /// Returns the time of a frame of `pixels` without stars, ms.
-    #[must_use]
     pub fn empty_frame_ms(&self, pixels: usize, moves: bool) -> f64 {
         let motion_ms = if moves { self.motion_ms } else { 0.0 };
         self.frame_ms + motion_ms + pixels as f64 * self.pixel_ns * 1e-6
     }
 
     /// Returns the detector's time for `pixels`, ms.
-    #[must_use]
     pub fn readout_ms(&self, pixels: usize) -> f64 {
         pixels as f64 * self.readout_pixel_ns * 1e-6
     }
 
     /// Returns the time of `method` for the stars of `load`, beyond an empty frame, ms.
-    #[must_use]
     pub fn stars_ms(&self, method: Method, load: &Load<'_>) -> f64 {
         let stars = load.stars as f64;
         let star_node_ns =
@@ -179,7 +175,6 @@ impl CostModel {
 
 /// Returns the memory of all kernels of `method`, bytes: images by phase, the grid they are taken from, and both axes
 /// of every node.
-#[must_use]
 pub fn kernel_bytes(method: Method, psf: &PsfModel, half_px: usize, extent_px: f64) -> usize {
     let (side, s) = (2 * kernel_half_px(half_px, extent_px) + 1, oversampling(psf));
     let grid = (side * s + s + 5).next_multiple_of(64);
@@ -190,7 +185,6 @@ pub fn kernel_bytes(method: Method, psf: &PsfModel, half_px: usize, extent_px: f
 
 /// Returns the number of kernels that `method` builds: in a field of PSFs one for every node, unless it is zonal
 /// itself.
-#[must_use]
 pub fn kernel_count(method: Method, psf: &PsfModel) -> usize {
     match method {
         Method::ZonalPsf { .. } => method.kernels(),
@@ -205,7 +199,6 @@ pub fn kernel_count(method: Method, psf: &PsfModel) -> usize {
 }
 
 /// Returns the half-width of a kernel's footprint, px; a path that leads further than `FURTHEST_PX` counts as that far.
-#[must_use]
 pub fn kernel_half_px(half_px: usize, extent_px: f64) -> usize {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a path on a detector, px")]
     let extent = extent_px.ceil().clamp(0.0, FURTHEST_PX) as usize;

@@ -29,7 +29,6 @@ pub struct Timing<'a> {
 
 impl Timing<'_> {
     /// Returns the time that the model predicts for it, ms.
-    #[must_use]
     pub fn predicted_ms(&self, cost: &CostModel) -> f64 {
         let stars_ms = if self.load.stars == 0 { 0.0 } else { cost.stars_ms(self.method, &self.load) };
         cost.empty_frame_ms(self.pixels, self.load.moves) + stars_ms
@@ -37,7 +36,6 @@ impl Timing<'_> {
 }
 
 /// Returns the non-negative constants whose predictions are closest to the measured times.
-#[must_use]
 pub fn fit(timings: &[Timing<'_>], usual: &CostModel) -> CostModel {
     let (mut normal, mut right) = ([[0.0; FITTED]; FITTED], [0.0; FITTED]);
     for timing in timings.iter().filter(|timing| timing.ms.is_finite() && timing.ms > 0.0) {

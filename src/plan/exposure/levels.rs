@@ -31,7 +31,6 @@ impl Degradation {
         [Self::Full, Self::FaintStarsOut, Self::Budget3, Self::Budget10, Self::MotionOut, Self::BrightStarsOnly];
 
     /// Returns the name in files.
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Full => "full",
@@ -44,7 +43,6 @@ impl Degradation {
     }
 
     /// Describes in words the loss of this level.
-    #[must_use]
     pub fn gives_up(self) -> &'static str {
         match self {
             Self::Full => "nothing: every star that can be seen, inside the accuracy budget",
@@ -64,7 +62,6 @@ impl Degradation {
     }
 
     /// Returns the accuracy budget of this level.
-    #[must_use]
     pub fn loosened(self, budget: &AccuracyBudget) -> AccuracyBudget {
         let times = match self {
             Self::Full | Self::FaintStarsOut => 1.0,
@@ -75,7 +72,6 @@ impl Degradation {
     }
 
     /// Returns the share of the noise below which stars are left out.
-    #[must_use]
     pub fn cut_off_sigma(self, budget: &AccuracyBudget) -> f64 {
         const SHARE_OF_BUDGET: f64 = 0.2;
         const DEGRADED: f64 = 0.5;

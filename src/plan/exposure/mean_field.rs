@@ -35,7 +35,6 @@ pub struct MeanField {
 
 impl MeanField {
     /// Returns a field for a detector of this size.
-    #[must_use]
     pub fn new(camera: &CameraGeometry) -> Self {
         Self {
             size_px: [camera.width_px(), camera.height_px()].map(|side| (side as f64 - 1.0).max(1.0)),
@@ -67,13 +66,11 @@ impl MeanField {
     }
 
     /// Returns true when every star keeps its mid-exposure position.
-    #[must_use]
     pub fn is_still(&self) -> bool {
         !self.moves
     }
 
     /// Returns the mean pose and correction, if all rows have the same.
-    #[must_use]
     pub fn same_for_all_rows(&self) -> Option<(Pose, Correction)> {
         match self.poses.as_slice() {
             _ if !self.moves => Some((Pose::STILL, Correction::none())),
@@ -83,7 +80,6 @@ impl MeanField {
     }
 
     /// Returns the mean pose of the exposure of the row at `y_px`.
-    #[must_use]
     pub fn pose_at(&self, y_px: f64) -> Pose {
         let Some(last) = self.poses.len().checked_sub(1) else { return Pose::STILL };
         if last < 2 {
@@ -100,7 +96,6 @@ impl MeanField {
 
     /// Returns the mean displacement of a star, px.
     #[inline]
-    #[must_use]
     pub fn displacement_px(&self, track: &StarTrack) -> [f64; 2] {
         if !self.moves {
             return [0.0; 2];
@@ -121,7 +116,6 @@ impl MeanField {
 
     /// Returns the factor of a star's light by a rolling shutter: a star that moves by `v` px down from row to row is
     /// exposed for `1 / (1 - v)` times the rows (with a global shutter: 1).
-    #[must_use]
     pub fn rolling_gain(&self, track: &StarTrack) -> f64 {
         if !self.moves || self.poses.len() < 2 {
             return 1.0;

@@ -100,7 +100,6 @@ impl MethodName {
     ];
 
     /// Returns the name used in files and commands.
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Static => "static",
@@ -115,7 +114,6 @@ impl MethodName {
     }
 
     /// Returns true when a number of nodes (of segments, for segments) can be specified.
-    #[must_use]
     pub fn takes_number(self) -> bool {
         !matches!(self, Self::Static | Self::Gaussian)
     }
@@ -123,7 +121,6 @@ impl MethodName {
 
 impl Method {
     /// Returns the method without its parameter.
-    #[must_use]
     pub fn name(self) -> MethodName {
         match self {
             Self::Static => MethodName::Static,
@@ -138,7 +135,6 @@ impl Method {
     }
 
     /// Returns the number of nodes per star, or per kernel.
-    #[must_use]
     pub fn nodes(self) -> usize {
         match self {
             Self::Static => 1,
@@ -153,13 +149,11 @@ impl Method {
     }
 
     /// Returns the number of kernels that draw one star.
-    #[must_use]
     pub fn stamps(self) -> usize {
         if matches!(self, Self::ZonalPsf { .. }) { 4 } else { 1 }
     }
 
     /// Returns the number of kernels that are built for a frame.
-    #[must_use]
     pub fn kernels(self) -> usize {
         match self {
             Self::Gaussian | Self::EffectivePsf { .. } => 1,

@@ -30,7 +30,6 @@ pub fn trace(points: impl Iterator<Item = TracePoint>, out: &mut Vec<TracePoint>
 
 impl Moments {
     /// Returns the central moments of a trace.
-    #[must_use]
     pub fn of(trace: &[TracePoint]) -> Self {
         let mut m = Self::default();
         for &[w, x, y] in trace {
@@ -55,27 +54,23 @@ impl Moments {
 
     /// Returns the Frobenius norm of the difference of covariance from `other`, px^2: at least the largest difference
     /// in any direction.
-    #[must_use]
     pub fn covariance_difference(&self, other: &Self) -> f64 {
         let [xx, xy, yy] = core::array::from_fn(|i| self.covariance_px2[i] - other.covariance_px2[i]);
         (xx * xx + 2.0 * xy * xy + yy * yy).sqrt()
     }
 
     /// Returns the length of the difference of third moment from `other`, px^3.
-    #[must_use]
     pub fn third_difference(&self, other: &Self) -> f64 {
         (self.third_px3[0] - other.third_px3[0]).hypot(self.third_px3[1] - other.third_px3[1])
     }
 
     /// Returns the bound of the 5 x 5 centroid error of an image drawn with these moments instead of `truth`, px.
-    #[must_use]
     pub fn centroid_error_px(&self, truth: &Self, sigma_px: f64) -> f64 {
         window_sensitivity(sigma_px) * (self.covariance_difference(truth) + self.third_difference(truth) / sigma_px)
     }
 
     /// Returns the bound of the largest pixel error relative to the star's peak: `|dC| / sigma^2` (twice the
     /// second-order Taylor term at the peak, to cover the higher ones).
-    #[must_use]
     pub fn peak_error(&self, truth: &Self, sigma_px: f64) -> f64 {
         let variance = sigma_px * sigma_px;
         (self.covariance_difference(truth) + self.third_difference(truth) / sigma_px) / variance
@@ -85,7 +80,6 @@ impl Moments {
 /// Returns the centroid error in a 5 x 5 window per px^2 of covariance error. Measured 0.14 at sigma 0.8 (light that
 /// leaves the window); an undersampled PSF adds the slope of its S-curve, `2 pi^2 exp(-2 pi^2 sigma^2) / pi`. Both are
 /// doubled.
-#[must_use]
 pub fn window_sensitivity(sigma_px: f64) -> f64 {
     0.3 + 13.0 * (-2.0 * core::f64::consts::PI.powi(2) * sigma_px * sigma_px).exp()
 }

@@ -29,7 +29,6 @@ pub struct Motion {
 
 impl Shutter {
     /// Returns the time from one row's exposure to the next, s (0: all together).
-    #[must_use]
     pub fn line_s(self) -> f64 {
         match self {
             Self::Global => 0.0,
@@ -38,7 +37,6 @@ impl Shutter {
     }
 
     /// Returns the delay of the row at `y_px` after the middle of an image of `height_px` rows, s.
-    #[must_use]
     pub fn delay_s(self, y_px: f64, height_px: usize) -> f64 {
         self.line_s() * (y_px - 0.5 * (height_px as f64 - 1.0))
     }
@@ -46,25 +44,21 @@ impl Shutter {
 
 impl Motion {
     /// Returns the smooth rotation vector `t_s` after mid-exposure, sensor axes, rad.
-    #[must_use]
     pub fn smooth_rotation_rad(&self, t_s: f64) -> DVec3 {
         self.los.smooth_rotation_rad(t_s)
     }
 
     /// Returns true when only smooth rotation moves the image.
-    #[must_use]
     pub fn is_smooth(&self) -> bool {
         self.image_path.is_none() && self.los.jitter.is_still()
     }
 
     /// Returns true when nothing moves.
-    #[must_use]
     pub fn is_still(&self) -> bool {
         self.is_smooth() && self.los.rate_rad_s == DVec3::ZERO && self.los.acceleration_rad_s2 == DVec3::ZERO
     }
 
     /// Returns the pose at `tau` in [-1/2, 1/2] of an exposure that is `delay_s` later than the frame's own.
-    #[must_use]
     pub fn pose_at(&self, tau: f64, delay_s: f64) -> Pose {
         let t_s = tau * self.los.exposure_s + delay_s;
         let smooth = DQuat::from_scaled_axis(-self.smooth_rotation_rad(t_s));
@@ -110,7 +104,6 @@ impl Motion {
     }
 
     /// Returns the pose `t_s` after mid-exposure at a given point of the image path.
-    #[must_use]
     pub fn pose_on_path(&self, t_s: f64, point: &PixelPoint) -> Pose {
         let smooth = DQuat::from_scaled_axis(-self.smooth_rotation_rad(t_s));
         Pose::new(smooth, point.roll_rad, [point.dx_px, point.dy_px])
@@ -118,7 +111,6 @@ impl Motion {
 }
 
 /// Returns the position of a path at `tau`, constant beyond its ends.
-#[must_use]
 pub fn point_at(path: &PixelPath, tau: f64, exposure_s: f64) -> PixelPoint {
     let points = path.points();
     let still = PixelPoint { t_s: 0.0, dx_px: 0.0, dy_px: 0.0, roll_rad: 0.0 };

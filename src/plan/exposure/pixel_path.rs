@@ -88,13 +88,11 @@ impl PixelPath {
     }
 
     /// Returns an upper bound of the length of the path of any star within `radius_px` of the principal point, px.
-    #[must_use]
     pub fn length_px(&self, radius_px: f64) -> f64 {
         self.points().windows(2).map(|pair| pair[0].distance_px(&pair[1], radius_px)).sum()
     }
 
     /// Returns the rows of the path.
-    #[must_use]
     pub fn points(&self) -> &[PixelPoint] {
         match self {
             Self::Line(points) | Self::Samples(points) => points,
@@ -104,7 +102,6 @@ impl PixelPath {
 
 impl PixelPoint {
     /// Returns the point at a share `s` of the distance to `next`.
-    #[must_use]
     pub fn towards(&self, next: &Self, s: f64) -> Self {
         let mix = |a: f64, b: f64| a + s * (b - a);
         Self {
@@ -117,7 +114,6 @@ impl PixelPoint {
 
     /// Returns an upper bound of the distance that any star within `radius_px` of the principal point moves to `next`,
     /// px.
-    #[must_use]
     pub fn distance_px(&self, next: &Self, radius_px: f64) -> f64 {
         let (x, y) = (next.dx_px - self.dx_px, next.dy_px - self.dy_px);
         (x * x + y * y).sqrt() + (next.roll_rad - self.roll_rad).abs() * radius_px

@@ -45,7 +45,6 @@ pub struct Cell {
 
 impl Cell {
     /// Returns the shares of the four lists for a star at `px`; they sum to 1.
-    #[must_use]
     pub fn shares(&self, px: [f64; 2]) -> [f64; 4] {
         let [x, y] = core::array::from_fn(|i| ((px[i] - self.origin_px[i]) / self.size_px[i]).clamp(0.0, 1.0));
         [(1.0 - x) * (1.0 - y), x * (1.0 - y), (1.0 - x) * y, x * y]
@@ -103,7 +102,6 @@ pub struct StarClass {
 
 impl StarClass {
     /// Returns a class without stars, ordinary ones in a single band.
-    #[must_use]
     pub fn none(chosen: Assessment) -> Self {
         Self { brightest_e: 0.0, faintest_e: 0.0, stars: 0, bands: 1, chosen, is_whole: false }
     }
@@ -145,19 +143,16 @@ pub enum Verdict {
 
 impl Verdict {
     /// Returns true when every error is inside the budget.
-    #[must_use]
     pub fn is_met(self) -> bool {
         self == Self::Fits
     }
 
     /// Returns true when motion is drawn inside the budget; light may be lost by any method.
-    #[must_use]
     pub fn keeps_shape(self) -> bool {
         matches!(self, Self::Fits | Self::FluxOverBudget)
     }
 
     /// Returns true when the method can be drawn.
-    #[must_use]
     pub fn is_drawable(self) -> bool {
         !matches!(self, Self::NeedsSmoothMotion | Self::PathTooLong | Self::TooManyKernels | Self::OtherSampling)
     }
@@ -228,7 +223,6 @@ impl CutOff {
 
 impl ExposurePlan {
     /// Returns the stars without the nodes of targets.
-    #[must_use]
     pub fn sky_stars(&self) -> &[PlannedStar] {
         let nodes = self.targets.first().map_or(self.stars.len(), |target| target.nodes.start);
         &self.stars[..nodes.min(self.stars.len())]
@@ -242,26 +236,22 @@ impl ExposurePlan {
     }
 
     /// Returns the electrons between which the stars of a class lie: below the first, from the second on.
-    #[must_use]
     pub fn brightness_of(&self, class: usize) -> (f64, f64) {
         let above_e = class.checked_sub(1).map_or(f64::INFINITY, |before| self.classes[before].faintest_e);
         (above_e, self.classes[class].faintest_e)
     }
 
     /// Returns the nodes of a list.
-    #[must_use]
     pub fn nodes_of(&self, list: &NodeList) -> &[PathNode] {
         &self.nodes[list.nodes.clone()]
     }
 
     /// Returns the list that a star is drawn with.
-    #[must_use]
     pub fn list_of(&self, star: &PlannedStar) -> &NodeList {
         &self.lists[star.list as usize]
     }
 
     /// Returns the origin of a star's poses when it is drawn node by node, so that its mean is at `mean_px`.
-    #[must_use]
     pub fn origin_px(&self, star: &PlannedStar, track: &StarTrack) -> [f64; 2] {
         let list = self.list_of(star);
         let ([x, y], [cx, cy]) = (track.displacement_px(&list.mean), list.correction.at(star.place.mid_px));
@@ -300,20 +290,17 @@ impl ExposurePlan {
     }
 
     /// Returns the widest footprint's half-width of the plan's stars, px.
-    #[must_use]
     pub fn widest_half_px(&self) -> usize {
         let is_any_whole = self.lists.iter().any(|list| list.drawing == Drawing::Whole);
         if is_any_whole { self.whole.half_px } else { self.half_px }
     }
 
     /// Returns true when any star is drawn from a kernel.
-    #[must_use]
     pub fn has_kernel(&self) -> bool {
         self.lists.iter().any(|list| matches!(list.drawing, Drawing::Kernel(_)))
     }
 
     /// Returns the sum of the electrons that land on the detector.
-    #[must_use]
     pub fn electrons_on_detector(&self) -> f64 {
         self.stars.iter().map(|star| star.electrons_on_detector).sum()
     }

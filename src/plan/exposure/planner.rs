@@ -64,7 +64,6 @@ pub struct Planner {
 
 impl Planner {
     /// Returns a planner for one instrument, budget and backend.
-    #[must_use]
     pub fn new(
         instrument: Instrument,
         budget: AccuracyBudget,
@@ -191,7 +190,6 @@ impl Planner {
     }
 
     /// Returns the latest plan.
-    #[must_use]
     pub fn latest(&self) -> &ExposurePlan {
         &self.plan
     }

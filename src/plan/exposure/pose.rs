@@ -39,7 +39,6 @@ impl Pose {
     pub const STILL: Self = Self([0.0; POSE]);
 
     /// Returns the pose of a rotation of directions by `q`, then a roll about the principal point, then a shift.
-    #[must_use]
     pub fn new(q: DQuat, roll_rad: f64, shift_px: [f64; 2]) -> Self {
         let DQuat { x, y, z, w } = q;
         let half = (0.5 * roll_rad).sin();
@@ -62,7 +61,6 @@ impl Pose {
     }
 
     /// Returns the shift alone.
-    #[must_use]
     pub fn only_shift(&self) -> Self {
         let mut pose = Self::STILL;
         pose.0[SHIFT..].copy_from_slice(&self.0[SHIFT..]);
@@ -70,20 +68,17 @@ impl Pose {
     }
 
     /// Returns `self + share * other`, value by value.
-    #[must_use]
     pub fn plus(&self, share: f64, other: &Self) -> Self {
         Self(core::array::from_fn(|i| self.0[i] + share * other.0[i]))
     }
 
     /// Returns the pose at a share `s` of the distance to `next`, along a straight line.
-    #[must_use]
     pub fn towards(&self, next: &Self, s: f64) -> Self {
         Self(core::array::from_fn(|i| self.0[i] + s * (next.0[i] - self.0[i])))
     }
 }
 
 /// Returns the weighted mean of a list.
-#[must_use]
 pub fn mean_pose(nodes: &[PathNode]) -> Pose {
     nodes.iter().fold(Pose::STILL, |mean, node| mean.plus(node.weight, &node.pose))
 }

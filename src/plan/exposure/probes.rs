@@ -69,7 +69,6 @@ struct Row {
 
 impl Probes {
     /// Returns the probes on `camera`'s detector.
-    #[must_use]
     pub fn new(camera: &CameraGeometry, shutter: Shutter) -> Self {
         let size = [camera.width_px(), camera.height_px()].map(|side| side as f64 - 1.0);
         let place = |at: [f64; 2]| Probe::new(camera, [at[0] * size[0], at[1] * size[1]]);
@@ -91,32 +90,27 @@ impl Probes {
     }
 
     /// Returns the probe in the middle of the detector.
-    #[must_use]
     pub fn centre(&self) -> Option<&Probe> {
         self.probes.get(self.centre_index())
     }
 
     /// Returns the index of that probe.
-    #[must_use]
     pub fn centre_index(&self) -> usize {
         self.probes.len() / 2
     }
 
     /// Returns the probe whose path spreads most.
-    #[must_use]
     pub fn widest_index(&self) -> usize {
         let spread = |i: &usize| self.probes[*i].moments.covariance_px2[0] + self.probes[*i].moments.covariance_px2[2];
         (0..self.probes.len()).max_by(|a, b| spread(a).total_cmp(&spread(b))).unwrap_or(0)
     }
 
     /// Returns the mean pose of the middle row's exposure.
-    #[must_use]
     pub fn mean(&self) -> Pose {
         self.rows[SIDE / 2].mean
     }
 
     /// Returns the dense nodes of the middle row's exposure.
-    #[must_use]
     pub fn dense(&self) -> &[PathNode] {
         &self.dense[self.rows[SIDE / 2].nodes.clone()]
     }
@@ -150,21 +144,18 @@ impl Probes {
     }
 
     /// Returns a bound of the covariance that the dense nodes lack because rows of a path were merged, px^2.
-    #[must_use]
     pub fn merged_px2(&self) -> f64 {
         self.rows.iter().map(|row| row.merged.covariance_px2).fold(0.0, f64::max)
     }
 
     /// Returns the ends of the stretches of a commanded path in time for a row of probes, s since the exposure started,
     /// and the factor by which merged rows make the path through them too short.
-    #[must_use]
     pub(super) fn path_ends(&self, row: usize) -> (&[f64], f64) {
         let Row { ends, merged: Merged { length_px: [whole, short], .. }, .. } = &self.rows[row];
         (&self.ends_s[ends.clone()], if *short > 0.0 { whole / short } else { 1.0 })
     }
 
     /// Returns the delay of a row of probes, s.
-    #[must_use]
     pub fn delay_s(&self, row: usize) -> f64 {
         let height = self.camera.height_px();
         self.shutter.delay_s(row as f64 / (SIDE - 1) as f64 * (height as f64 - 1.0), height)
@@ -280,7 +271,6 @@ fn dense_nodes(
 }
 
 /// Returns the distance of the furthest pixel from the principal point, px.
-#[must_use]
 pub fn furthest_corner_px(camera: &CameraGeometry) -> f64 {
     let [cx, cy] = camera.parameters().principal_point_px;
     let furthest = |c: f64, size: usize| c.abs().max((size as f64 - 1.0 - c).abs());
@@ -289,7 +279,6 @@ pub fn furthest_corner_px(camera: &CameraGeometry) -> f64 {
 
 /// Returns the number of Gauss-Legendre nodes for a smooth path of `reach_px`: 1.5 per sigma, plus two for the ends, of
 /// the path or of every panel of a long one.
-#[must_use]
 pub fn gauss_legendre_count(reach_px: f64, sigma_px: f64) -> usize {
     let wanted = (1.5 * reach_px / sigma_px + 2.0).ceil();
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to MOST_SMOOTH_NODES")]

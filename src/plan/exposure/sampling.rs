@@ -59,7 +59,6 @@ pub enum PsfSampling {
 
 impl PsfSampling {
     /// Returns true for exact pixel integrals and tables of them.
-    #[must_use]
     pub fn is_exact(self) -> bool {
         matches!(self, Self::Auto | Self::Table { .. })
     }
@@ -123,7 +122,6 @@ impl FromStr for PsfSampling {
 }
 
 /// Returns the grid points per pixel that keep a table's interpolation error below [`TABLE_ERROR`].
-#[must_use]
 pub fn oversampling(psf: &PsfModel) -> usize {
     let enough = |s: &usize| table_error(psf, *s) <= TABLE_ERROR - PRODUCTS_ERROR;
     match psf.form() {
@@ -139,13 +137,11 @@ pub fn oversampling(psf: &PsfModel) -> usize {
 }
 
 /// Returns the interpolation error of a table with `s` grid points per pixel, relative to the peak.
-#[must_use]
 pub fn table_error(psf: &PsfModel, s: usize) -> f64 {
     psf.table_error(s as f64)
 }
 
 /// Returns the number of images of a table: phases along both axes, with the taps' margin.
-#[must_use]
 pub fn table_images(s: usize) -> usize {
     (s + 4) * (s + 4)
 }
@@ -160,7 +156,6 @@ pub struct SamplingError {
 }
 
 /// Returns error bounds of `sampling` for a PSF with a core of `sigma_px`.
-#[must_use]
 pub fn sampling_error(psf: &PsfModel, sampling: PsfSampling) -> SamplingError {
     let sigma_px = psf.core_sigma_px();
     let s = match sampling {
@@ -178,7 +173,6 @@ pub fn sampling_error(psf: &PsfModel, sampling: PsfSampling) -> SamplingError {
 
 /// Returns error bounds of a star drawn from the table of a PSF, or of a kernel made of it: between the grid points,
 /// what a sum of products omits, and single precision.
-#[must_use]
 pub fn drawn_table_error(psf: &PsfModel) -> SamplingError {
     let s = oversampling(psf);
     let peak = table_error(psf, s);
@@ -206,7 +200,6 @@ fn sampled(sigma_px: f64, sampling: PsfSampling, x: f64) -> f64 {
 }
 
 /// Returns the bicubic convolution kernel with a = -1/2 (Keys 1981, eq. 4 with his optimal a).
-#[must_use]
 pub fn keys(x: f64) -> f64 {
     let x = x.abs();
     if x < 1.0 {

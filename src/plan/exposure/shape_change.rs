@@ -58,7 +58,6 @@ pub struct ShapeChange {
 
 impl ShapeChange {
     /// Returns a comparison for a PSF with a core of `sigma_px`.
-    #[must_use]
     pub fn new(sigma_px: f64) -> Self {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small number of points")]
         let wanted = (PER_SIGMA / sigma_px).ceil() as usize;

@@ -32,7 +32,6 @@ pub struct Share {
 impl Share {
     /// Returns shares for a PSF drawn in footprints of `half_px`, or of `whole_px` for whole stars, on a detector of
     /// `size_px`.
-    #[must_use]
     pub fn new(psf: &PsfModel, [half_px, whole_px]: [usize; 2], size_px: [usize; 2]) -> Self {
         let nodes = psf.nodes().iter().map(|psf| NodeShare::new(psf, half_px, size_px)).collect();
         let gain = |psf: &PsfModel| within(psf, whole_px) / within(psf, half_px);
@@ -41,7 +40,6 @@ impl Share {
     }
 
     /// Returns by how much more light of `star` lies in a whole footprint than in an ordinary one.
-    #[must_use]
     pub fn whole_gain(&self, star: &PlannedStar) -> f64 {
         let gain = |node: usize| self.whole_gains.get(node).copied().unwrap_or(1.0);
         self.field.as_ref().map_or_else(
@@ -52,7 +50,6 @@ impl Share {
 
     /// Returns the share of `star`'s electrons on the detector.
     #[inline]
-    #[must_use]
     pub fn on_detector(&self, star: &PlannedStar, camera: &CameraGeometry, nodes: &[PathNode], extent_px: f64) -> f64 {
         let on = |node: usize| self.nodes[node].on_detector(star, camera, nodes, extent_px);
         match &self.field {

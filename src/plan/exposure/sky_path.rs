@@ -41,7 +41,6 @@ pub struct Cubic {
 
 impl Cubic {
     /// Returns the cubic through the places at [`SkyPath::instants_s`].
-    #[must_use]
     pub fn through(places_km: [DVec3; PATH_INSTANTS], half_s: f64) -> Self {
         let [a, b, c, d] = places_km;
         // Even and odd parts at 1 and 1/3.
@@ -53,7 +52,6 @@ impl Cubic {
     }
 
     /// Returns the place `t_s` after the middle, km.
-    #[must_use]
     pub fn at(&self, t_s: f64) -> DVec3 {
         let u = t_s / self.half_s;
         let [one, u1, u2, u3] = self.powers_km;
@@ -73,14 +71,12 @@ pub struct SkyPath {
 
 impl SkyPath {
     /// Returns the instants at which places are needed, s after mid-exposure, for a trajectory of `2 half_s`.
-    #[must_use]
     pub fn instants_s(half_s: f64) -> [f64; PATH_INSTANTS] {
         [-half_s, -half_s / 3.0, half_s / 3.0, half_s]
     }
 
     /// Returns the trajectory through these places, for an observer with these barycentric velocities at the first and
     /// last instant.
-    #[must_use]
     pub fn through(from_observer_km: [DVec3; PATH_INSTANTS], half_s: f64, [first, last]: [DVec3; 2]) -> Self {
         Self {
             from_observer_km: Cubic::through(from_observer_km, half_s),
@@ -90,7 +86,6 @@ impl SkyPath {
     }
 
     /// Returns the bound of the place's error, km; gravity acts on both ends of the line of sight.
-    #[must_use]
     pub fn bound_km(half_s: f64, falls: [Fall; 2]) -> f64 {
         let step_s = 2.0 * half_s / (PATH_INSTANTS as f64 - 1.0);
         let fourth = |fall: Fall| FOURTH_DERIVATIVE * fall.gm_km3_s2.powi(2) / fall.radius_km.powi(5);
@@ -98,20 +93,17 @@ impl SkyPath {
     }
 
     /// Returns the place from the observer `t_s` after mid-exposure, km.
-    #[must_use]
     pub fn from_observer_km(&self, t_s: f64) -> DVec3 {
         self.from_observer_km.at(t_s)
     }
 
     /// Returns the apparent direction `t_s` after mid-exposure, ICRF axes.
-    #[must_use]
     pub fn apparent_icrf(&self, t_s: f64) -> DVec3 {
         aberrated(self.from_observer_km(t_s).normalize(), self.observer_km_s + self.observer_km_s2 * t_s)
     }
 
     /// Returns the angle that the direction turns through between two instants, rad; slightly more if the trajectory
     /// bends.
-    #[must_use]
     pub fn swept_rad(&self, from_s: f64, to_s: f64) -> f64 {
         let middle = self.apparent_icrf(0.5 * (from_s + to_s));
         self.apparent_icrf(from_s).angle_between(middle) + middle.angle_between(self.apparent_icrf(to_s))

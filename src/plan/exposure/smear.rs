@@ -27,13 +27,11 @@ pub struct SmearField {
 
 impl SmearField {
     /// Returns the field of an image that does not move.
-    #[must_use]
     pub fn still() -> Self {
         Self { squared: Correction::none(), net: Correction::none() }
     }
 
     /// Computes the field from measured probes.
-    #[must_use]
     pub fn measured(motion: &Motion, probes: &Probes) -> Self {
         if motion.is_still() {
             return Self::still();
@@ -59,14 +57,12 @@ impl SmearField {
 
     /// Returns the length of the path of a star that is at `px` at mid-exposure, px.
     #[inline]
-    #[must_use]
     pub fn length_px(&self, px: [f64; 2]) -> f64 {
         self.squared.at(px)[0].max(0.0).sqrt()
     }
 
     /// Returns the direction from such a star's place at the start to its place at the end, from x towards y, rad; 0
     /// for a star that comes back.
-    #[must_use]
     pub fn angle_rad(&self, px: [f64; 2]) -> f64 {
         let [x, y] = self.net.at(px);
         y.atan2(x)

@@ -43,7 +43,6 @@ pub struct Sensitivity {
 
 impl Sensitivity {
     /// Returns the weights for a PSF with a core of `sigma_px`.
-    #[must_use]
     pub fn new(sigma_px: f64) -> Self {
         let step = STEP_SIGMA / sigma_px;
         let area = |j: usize| (j + 1) as f64 * step * step * PI / DIRECTIONS as f64;
@@ -58,7 +57,6 @@ impl Sensitivity {
     }
 
     /// Returns the characteristic function of a trace.
-    #[must_use]
     pub fn spectrum(&self, trace: &[TracePoint]) -> Spectrum {
         let mut sum = NOTHING;
         let along: [[f64; 2]; DIRECTIONS] = core::array::from_fn(|d| {
@@ -81,7 +79,6 @@ impl Sensitivity {
 
     /// Returns bounds for an image drawn with `drawn` instead of `truth`: first moment of the 5 x 5 window, px times
     /// the star's flux, and the largest pixel error relative to the star's peak.
-    #[must_use]
     pub fn error(&self, drawn: &Spectrum, truth: &Spectrum) -> (f64, f64) {
         let (mut centroid, mut peak) = (0.0, 0.0);
         for (weights, (a, b)) in self.centroid.iter().zip(drawn.iter().zip(truth)) {

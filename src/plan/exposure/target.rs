@@ -72,13 +72,11 @@ pub struct LightCurve {
 
 impl LightCurve {
     /// Returns the instants at which samples are needed, s after mid-exposure.
-    #[must_use]
     pub fn instants_s(half_s: f64) -> [f64; LIGHT_SAMPLES] {
         core::array::from_fn(|i| half_s * (2.0 * i as f64 / (LIGHT_SAMPLES as f64 - 1.0) - 1.0))
     }
 
     /// Returns the share `t_s` after mid-exposure, constant beyond the samples.
-    #[must_use]
     pub fn at(&self, t_s: f64) -> f64 {
         let place = (0.5 * (t_s / self.half_s + 1.0)).clamp(0.0, 1.0) * (LIGHT_SAMPLES as f64 - 1.0);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the samples")]
@@ -121,7 +119,6 @@ const SMALL_TURN_RAD: f64 = 1e-4;
 
 impl TargetPath {
     /// Returns the place `t_s` after its first appearance, px.
-    #[must_use]
     pub fn at(&self, t_s: f64) -> [f64; 2] {
         let ([x, y], [vx, vy]) = (self.position_px, self.velocity_px_s);
         match self.curve {
@@ -135,7 +132,6 @@ impl TargetPath {
     }
 
     /// Returns the velocity `t_s` after its first appearance, px/s.
-    #[must_use]
     pub fn velocity_at(&self, t_s: f64) -> [f64; 2] {
         let [vx, vy] = self.velocity_px_s;
         match self.curve {
@@ -149,7 +145,6 @@ impl TargetPath {
     }
 
     /// Returns the length of the trajectory from one instant to another, px; an upper bound for an accelerating target.
-    #[must_use]
     pub fn length_px(&self, from_s: f64, to_s: f64) -> f64 {
         let speed = |t_s: f64| self.velocity_at(t_s).into_iter().fold(0.0, f64::hypot);
         // A velocity that changes linearly is fastest at one of the ends.
@@ -169,27 +164,23 @@ fn chord(a: f64) -> [f64; 2] {
 impl Target {
     /// Returns the times of its appearance in an exposure from `from` to `to`: seconds after `begin`; `None` when it is
     /// not visible.
-    #[must_use]
     pub fn seen_s(&self, from: Tai, to: Tai) -> Option<[f64; 2]> {
         let (from, to) = (from.max(self.begin), to.min(self.end));
         (to - from > Span::ZERO).then(|| [(from - self.begin).s(), (to - self.begin).s()])
     }
 
     /// Returns true when its light changes within the exposure.
-    #[must_use]
     pub fn fades(&self) -> bool {
         self.light.is_some_and(|light| light.shares.iter().any(|share| (share - light.shares[0]).abs() > 1e-3))
     }
 
     /// Returns the light `t_s` after mid-exposure, e-/s.
-    #[must_use]
     pub fn e_per_s_at(&self, t_s: f64) -> f64 {
         self.light.map_or(self.e_per_s, |light| self.e_per_s * light.at(t_s))
     }
 
     /// Returns its position `t_s` after mid-exposure without the camera's motion in the exposure, px; `None` when a
     /// trajectory on the sky leaves the camera's domain.
-    #[must_use]
     pub fn own_px(&self, camera: &CameraGeometry, los: &LosPath, t_s: f64) -> Option<[f64; 2]> {
         match &self.way {
             TargetWay::Script(path) => Some(path.at(self.script_s(los) + t_s)),
@@ -198,7 +189,6 @@ impl Target {
     }
 
     /// Returns the same as a place to which the camera's motion can be applied; `None` when no direction is imaged.
-    #[must_use]
     pub fn own_place(&self, camera: &CameraGeometry, los: &LosPath, t_s: f64) -> Option<StarPlace> {
         match &self.way {
             TargetWay::Script(path) => StarPlace::of_pixel(camera, path.at(self.script_s(los) + t_s)),
@@ -210,7 +200,6 @@ impl Target {
 
     /// Returns the length of its own trajectory between two instants, s after mid-exposure, px; an upper bound if it
     /// accelerates.
-    #[must_use]
     pub fn length_px(&self, camera: &CameraGeometry, los: &LosPath, [from_s, to_s]: [f64; 2]) -> f64 {
         match &self.way {
             TargetWay::Script(path) => {
@@ -227,7 +216,6 @@ impl Target {
     }
 
     /// Returns the smear of its own motion between two instants, s after mid-exposure.
-    #[must_use]
     pub fn smear(&self, camera: &CameraGeometry, los: &LosPath, [from_s, to_s]: [f64; 2]) -> Smear {
         match &self.way {
             TargetWay::Script(path) => {

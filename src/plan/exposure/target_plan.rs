@@ -208,7 +208,6 @@ fn take_corners(all: impl Iterator<Item = f64> + Clone, corners: &mut Vec<f64>) 
 
 /// Returns the position of a target `t_s` after mid-exposure, px, including the camera's motion; rows there are
 /// `delay_s` late. `None` when no direction is imaged there.
-#[must_use]
 pub fn target_px(
     target: &Target,
     camera: &CameraGeometry,
@@ -226,7 +225,6 @@ pub fn target_px(
 }
 
 /// Returns the times of a target's appearance in an exposure that is `delay_s` late: s after mid-exposure.
-#[must_use]
 pub fn seen_after_mid_s(target: &Target, motion: &Motion, delay_s: f64) -> Option<[f64; 2]> {
     let mid = motion.los.mid_exposure();
     let half = Span::from_s(0.5 * motion.los.exposure_s);
@@ -307,7 +305,6 @@ fn place(
 
 /// Returns the position at which the rows see a target at the frame's time `t_s` after mid-exposure, px; `None` when no
 /// direction is imaged.
-#[must_use]
 pub fn seen_by_row(target: &Target, plan: &ExposurePlan, t_s: f64) -> Option<[f64; 2]> {
     let ExposurePlan { camera, motion, shutter, .. } = plan;
     let mut px = target_px(target, camera, motion, t_s, 0.0)?;

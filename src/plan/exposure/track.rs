@@ -32,21 +32,18 @@ pub struct StarTrack {
 impl StarPlace {
     /// Returns the track of a direction in sensor axes; `None` outside the camera's domain.
     #[inline]
-    #[must_use]
     pub fn of_direction(camera: &CameraGeometry, mid_sensor: DVec3) -> Option<Self> {
         let tangent = camera.tangent(mid_sensor)?;
         Some(Self { mid_px: camera.pixel_of_tangent(tangent), tangent })
     }
 
     /// Returns the track of a pixel position; `None` when no direction is imaged.
-    #[must_use]
     pub fn of_pixel(camera: &CameraGeometry, mid_px: [f64; 2]) -> Option<Self> {
         let tangent = camera.tangent_of_pixel(mid_px)?;
         Some(Self { mid_px, tangent })
     }
 
     /// Returns the unit direction at mid-exposure, sensor axes.
-    #[must_use]
     pub fn mid_sensor(&self) -> DVec3 {
         self.tangent.extend(1.0).normalize()
     }
@@ -55,7 +52,6 @@ impl StarPlace {
 impl StarTrack {
     /// Returns the track of a star at `place`.
     #[inline]
-    #[must_use]
     pub fn new(camera: &CameraGeometry, place: StarPlace) -> Self {
         let [cx, cy] = camera.parameters().principal_point_px;
         let [x, y] = place.mid_px;
@@ -65,7 +61,6 @@ impl StarTrack {
 
     /// Returns the displacement from mid-exposure at `pose` as backends draw it, px.
     #[inline]
-    #[must_use]
     pub fn displacement_px(&self, pose: &Pose) -> [f64; 2] {
         let [du, dv] = tangent_step(self.place.tangent, pose);
         let moved = self.px_per_tangent.map(|[a, b]| a * du + b * dv);
@@ -73,7 +68,6 @@ impl StarTrack {
     }
 
     /// Returns the displacement from mid-exposure at `pose` including distortion, px.
-    #[must_use]
     pub fn exact_px(&self, camera: &CameraGeometry, pose: &Pose) -> [f64; 2] {
         if !camera.is_distorted() {
             return self.displacement_px(pose);
@@ -85,7 +79,6 @@ impl StarTrack {
     }
 
     /// Returns the place at `pose` including distortion, px; `None` outside the camera's domain.
-    #[must_use]
     pub fn seen_px(&self, camera: &CameraGeometry, pose: &Pose) -> Option<[f64; 2]> {
         let tangent = self.place.tangent;
         let forward = 1.0 + pose.0[6] * tangent.x + pose.0[7] * tangent.y + pose.0[8];
@@ -114,7 +107,6 @@ fn rolled_and_shifted([x, y]: [f64; 2], [rx, ry]: [f64; 2], Pose(p): &Pose) -> [
 }
 
 /// Returns the direction of a fixed star after the sensor axes have turned by `rotation_rad`.
-#[must_use]
 pub fn turned(mid_sensor: DVec3, rotation_rad: DVec3) -> DVec3 {
     DQuat::from_scaled_axis(-rotation_rad) * mid_sensor
 }

@@ -45,7 +45,6 @@ pub struct Scales {
 
 impl Scales {
     /// Returns scales for a PSF with a core of `sigma_px`.
-    #[must_use]
     pub fn new(sigma_px: f64) -> Self {
         Self {
             sensitivity: Sensitivity::new(sigma_px),
@@ -207,7 +206,6 @@ const UNKNOWN: NodeError = NodeError { centroid_px: f64::INFINITY, peak: f64::IN
 
 /// Returns the smallest share of a star's light in the brightest square of `side_px`: along the path's length, or all
 /// over the square that contains the path.
-#[must_use]
 pub fn light_share(side_px: f64, probes: &Probes) -> f64 {
     let along = side_px / (side_px + probes.reach_px);
     let square = (side_px / (side_px + 2.0 * probes.extent_px)).powi(2);
@@ -225,7 +223,6 @@ fn exact_trace(camera: &CameraGeometry, track: &StarTrack, nodes: &[PathNode], o
 /// Returns the bound of the shear of a star's image by a rolling shutter within its own footprint, which no method
 /// draws: a path of `speed_px_s` moves by `speed_px_s * line_s` from row to row, and covariance with the rows is
 /// `sigma^2` times that.
-#[must_use]
 pub fn shear_error(speed_px_s: f64, line_s: f64, sigma_px: f64) -> NodeError {
     let per_row = speed_px_s * line_s;
     let sheared = Moments {
@@ -243,7 +240,6 @@ pub fn shear_error(speed_px_s: f64, line_s: f64, sigma_px: f64) -> NodeError {
 /// multiplied by `1 / (1 - v)`, `v = speed_px_s * line_s`, for its mean velocity; the remaining error is of second
 /// order where the velocity changes, the S-curve of an undersampled star, `2 exp(-2 pi^2 sigma^2) v`, and a share of
 /// `v` where the path is not smooth (largest measured: 0.1).
-#[must_use]
 pub fn stretch_error(speed_px_s: f64, line_s: f64, sigma_px: f64, is_smooth: bool) -> f64 {
     const ROUGH: f64 = 0.25;
     let per_row = speed_px_s * line_s;

@@ -20,7 +20,6 @@ pub struct Airy {
 impl Airy {
     /// Returns a pattern. `lambda_n_px`: wavelength times F-number over pixel pitch; `obscuration`: linear ratio, `0 <=
     /// e < 1`.
-    #[must_use]
     pub fn new(lambda_n_px: f64, obscuration: f64) -> Self {
         // The pattern is band-limited at 1 / L cycles per pixel; n nodes integrate half that many oscillations and
         // converge factorially beyond: 8 suffice for L = 1, 18 for L = 0.25.
@@ -30,7 +29,6 @@ impl Airy {
     }
 
     /// Returns the wavelength times F-number, px.
-    #[must_use]
     pub fn lambda_n_px(&self) -> f64 {
         self.lambda_n_px
     }

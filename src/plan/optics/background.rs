@@ -57,19 +57,16 @@ pub struct BackgroundRates {
 
 impl BackgroundLight {
     /// Returns true when all parts are zero.
-    #[must_use]
     pub fn is_dark(&self) -> bool {
         *self == Self::default()
     }
 
     /// Returns true when it depends on the positions of Sun, Moon and Earth.
-    #[must_use]
     pub fn needs_bodies(&self) -> bool {
         self.stray.is_some() || self.sky.zodiacal
     }
 
     /// Returns the part that does not depend on the pointing.
-    #[must_use]
     pub fn constant(&self) -> BackgroundRates {
         let uniform = self.uniform_e_per_s;
         BackgroundRates {
@@ -82,7 +79,6 @@ impl BackgroundLight {
 
     /// Returns the background with the boresight and the Sun in these directions (ICRF axes), and with this stray light
     /// of bodies.
-    #[must_use]
     pub fn rates(&self, boresight_icrf: DVec3, sun_icrf: DVec3, glare: &Glare) -> BackgroundRates {
         let mut rates = self.constant();
         rates.sky += self.sky.e_per_s(boresight_icrf, sun_icrf);
@@ -95,7 +91,6 @@ impl BackgroundLight {
 
 impl StrayLight {
     /// Returns the glare of the bodies.
-    #[must_use]
     pub fn glare(&self, bodies: &BrightBodies) -> Glare {
         self.baffle.glare(bodies)
     }
@@ -115,14 +110,12 @@ pub const S10_MAG_G: f64 = S10_MAG_PER_ARCSEC2 - SUN_V_LESS_G;
 ///
 /// A star of the Sun's magnitude and colour leaves `collected_e_per_s` through an aperture of `effective_m2` (clear
 /// area times transmission); a pixel has `pixel_m2`.
-#[must_use]
 pub fn sun_e_per_s(collected_e_per_s: f64, effective_m2: f64, pixel_m2: f64) -> f64 {
     collected_e_per_s / effective_m2 * pixel_m2
 }
 
 /// Returns the electrons per second and pixel, on the axis, of a sky whose square arcsecond shines like a star of
 /// `star_e_per_s`.
-#[must_use]
 pub fn sky_e_per_s(star_e_per_s: f64, ifov_rad: [f64; 2]) -> f64 {
     star_e_per_s * pixel_arcsec2(ifov_rad)
 }

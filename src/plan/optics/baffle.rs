@@ -112,7 +112,6 @@ impl PointSourceTransmittance {
     }
 
     /// Returns the share of a source's irradiance that reaches the detector, at an angle off the boresight.
-    #[must_use]
     pub fn at(&self, off_axis_rad: f64) -> f64 {
         if off_axis_rad > FRAC_PI_2 || off_axis_rad.is_nan() {
             return 0.0;
@@ -176,7 +175,6 @@ impl Glare {
 
 impl Baffle {
     /// Returns the stray light of the bodies. Does not allocate; 2048 angles when the Earth shines, about 0.1 ms.
-    #[must_use]
     pub fn glare(&self, bodies: &BrightBodies) -> Glare {
         let mut glare = Glare::default();
         let [sun_shines, moon_shines, earth_shines] = self.shines;

@@ -70,7 +70,6 @@ impl Band {
     }
 
     /// Returns electrons per photon above the optics; 0 outside the tables.
-    #[must_use]
     pub fn response(&self, nm: f64) -> f64 {
         let transmission = match &self.transmission {
             Transmission::Flat(share) => *share,
@@ -80,7 +79,6 @@ impl Band {
     }
 
     /// Returns the first and last wavelength of the tables, nm.
-    #[must_use]
     pub fn range_nm(&self) -> (f64, f64) {
         match &self.transmission {
             Transmission::Flat(_) => self.qe.range_nm(),
@@ -89,20 +87,17 @@ impl Band {
     }
 
     /// Returns the electrons s^-1 m^-2 of a star of G = 0 with this spectrum.
-    #[must_use]
     pub fn e_per_s_m2(&self, star: &StarSpectrum) -> f64 {
         self.cells.integral(|nm| self.response(nm) * star.photons_per_s_m2_nm(nm))
     }
 
     /// Returns the mean transmission for such a star: its electrons with transmission over those without.
-    #[must_use]
     pub fn mean_transmission(&self, star: &StarSpectrum) -> f64 {
         let bare = self.cells.integral(|nm| self.qe.at(nm) * star.photons_per_s_m2_nm(nm));
         if bare > 0.0 { self.e_per_s_m2(star) / bare } else { 0.0 }
     }
 
     /// Returns the mean wavelength of the electrons of such a star, nm.
-    #[must_use]
     pub fn mean_wavelength_nm(&self, star: &StarSpectrum) -> f64 {
         let moment = self.cells.integral(|nm| nm * self.response(nm) * star.photons_per_s_m2_nm(nm));
         moment / self.e_per_s_m2(star)
@@ -123,7 +118,6 @@ impl Band {
 /// Returns the band as `n` wavelengths (at least one) for a star of this colour: equal parts of the band, each at the
 /// mean wavelength of its electrons and with their share. Shares sum to 1, and the mean wavelength is the band's; parts
 /// without electrons are left out.
-#[must_use]
 pub fn spectral_weights(band: &Band, bp_rp: f64, n: usize) -> Vec<SpectralWeight> {
     let star = StarSpectra::new().of_color(bp_rp);
     let (from, to) = band.support_nm();
@@ -150,7 +144,6 @@ pub struct BandRadiometry {
 
 impl BandRadiometry {
     /// Integrates over the band for every colour of the table, and returns the table.
-    #[must_use]
     pub fn new(band: &Band, clear_aperture_m2: f64) -> Self {
         let spectra = StarSpectra::new();
         let zero = band.e_per_s_m2(&spectra.of_color(0.0));
@@ -162,13 +155,11 @@ impl BandRadiometry {
     }
 
     /// Returns the electrons per second of a star of G = 0 and BP-RP = 0.
-    #[must_use]
     pub fn zero_point_e_per_s(&self) -> f64 {
         self.zero_point_e_per_s
     }
 
     /// Returns the instrument magnitude: 0 for the zero point's electrons.
-    #[must_use]
     pub fn mag_instrument(&self, mag_g: f64, bp_rp: f64) -> f64 {
         let color = if bp_rp.is_finite() { bp_rp.clamp(COLOR_RANGE.0, COLOR_RANGE.1) } else { 0.0 };
         let at = (color - COLOR_RANGE.0) / COLOR_STEP;
@@ -181,7 +172,6 @@ impl BandRadiometry {
     }
 
     /// Returns the electrons a star leaves on the detector during one exposure.
-    #[must_use]
     pub fn electrons(&self, mag_g: f64, bp_rp: f64, exposure_s: f64) -> f64 {
         self.zero_point_e_per_s * exposure_s * 10_f64.powf(-0.4 * self.mag_instrument(mag_g, bp_rp))
     }

@@ -28,7 +28,6 @@ pub struct ChainLight {
 
 impl ChainLight {
     /// Returns the light of a chain, which is sampled once.
-    #[must_use]
     pub fn of(chain: &MtfChain) -> Self {
         let p = chain.params();
         let blur_px = p.assembly_um.hypot(p.fabrication_um) / p.pixel_pitch_um;
@@ -44,20 +43,17 @@ impl ChainLight {
     }
 
     /// Returns the irradiance at `r_px` from the star, share of the flux per square pixel.
-    #[must_use]
     pub fn irradiance(&self, r_px: f64) -> f64 {
         TAU * self.band.iter().map(|[f, m]| m * f * libm::j0(TAU * f * r_px)).sum::<f64>()
     }
 
     /// Returns the share of the light within `radius_px` of the star.
-    #[must_use]
     pub fn encircled_energy(&self, radius_px: f64) -> f64 {
         TAU * radius_px * self.band.iter().map(|[f, m]| m * libm::j1(TAU * f * radius_px)).sum::<f64>()
     }
 
     /// Returns the full width at half height, px. For a ring-shaped star (much defocus behind an obscuration) it is the
     /// width at which the irradiance last falls to half of its maximum.
-    #[must_use]
     pub fn fwhm_px(&self) -> f64 {
         const STEP_PX: f64 = 0.02;
         let steps = (FURTHEST_PX / STEP_PX) as u32;

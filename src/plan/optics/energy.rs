@@ -25,7 +25,6 @@ pub enum Centring {
 }
 
 /// Returns the share of the light within `radius_px` of the star; for a grid and a field of the light as pixels see it.
-#[must_use]
 pub fn encircled_energy(psf: &PsfModel, radius_px: f64) -> f64 {
     match psf.form() {
         PsfForm::Gaussian(sigma_px) => -(-0.5 * (radius_px / sigma_px).powi(2)).exp_m1(),
@@ -35,7 +34,6 @@ pub fn encircled_energy(psf: &PsfModel, radius_px: f64) -> f64 {
 }
 
 /// Returns the share of the light as pixels see it within `radius_px` of the star.
-#[must_use]
 pub fn seen_encircled_energy(psf: &PsfModel, radius_px: f64) -> f64 {
     ringed(radius_px, 0.25, |r| around(psf, r))
 }
@@ -53,7 +51,6 @@ fn around(psf: &PsfModel, r_px: f64) -> f64 {
 
 /// Returns the share of the light in a square of `side_px` whole pixels with the star in its middle: for an odd side
 /// the star is on a pixel's centre, for an even one on a corner.
-#[must_use]
 pub fn ensquared_energy(psf: &PsfModel, side_px: usize) -> f64 {
     let middle = 0.5 * (side_px as f64 - 1.0);
     let at = |i: usize| i as f64 - middle;
@@ -61,7 +58,6 @@ pub fn ensquared_energy(psf: &PsfModel, side_px: usize) -> f64 {
 }
 
 /// Returns the share of the light in the pixel with the star on its centre, or in one of the four around the star.
-#[must_use]
 pub fn energy_on_detector(psf: &PsfModel, centring: Centring) -> f64 {
     match centring {
         Centring::Centre => psf.pixel(0.0, 0.0),
@@ -70,7 +66,6 @@ pub fn energy_on_detector(psf: &PsfModel, centring: Centring) -> f64 {
 }
 
 /// Returns the full width at half height of the light, px, mean of x and y; for a grid and a field as pixels see it.
-#[must_use]
 pub fn fwhm_px(psf: &PsfModel) -> f64 {
     match psf.form() {
         PsfForm::Gaussian(sigma_px) => 2.0 * (2.0 * core::f64::consts::LN_2).sqrt() * sigma_px,
@@ -80,14 +75,12 @@ pub fn fwhm_px(psf: &PsfModel) -> f64 {
 }
 
 /// Returns the full width at half height of the light as pixels see it, px, mean of x and y.
-#[must_use]
 pub fn seen_fwhm_px(psf: &PsfModel) -> f64 {
     let toward = |x: f64, y: f64| half_width(0.05, |r| psf.pixel(r * x, r * y));
     0.5 * (toward(1.0, 0.0) + toward(-1.0, 0.0) + toward(0.0, 1.0) + toward(0.0, -1.0))
 }
 
 /// Returns the radius of the circle with `share` of the light as pixels see it; `None` if it exceeds `most_px`.
-#[must_use]
 pub fn seen_radius_px(psf: &PsfModel, share: f64, most_px: f64) -> Option<f64> {
     // Each ring is integrated once: the sum over the inner rings is kept.
     const STEP: f64 = 0.25;
@@ -109,7 +102,6 @@ fn within_ring(psf: &PsfModel, from_px: f64, to_px: f64) -> f64 {
 }
 
 /// Returns the radius of the first dark ring of a clear pupil, px: `1.22 lambda N` over the pitch.
-#[must_use]
 pub fn airy_radius_px(lambda_n_px: f64) -> f64 {
     // First zero of J1 over pi.
     3.831_705_970_207_512 / PI * lambda_n_px

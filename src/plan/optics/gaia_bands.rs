@@ -27,31 +27,26 @@ pub struct GaiaBand {
 
 impl GaiaBand {
     /// Returns the G band.
-    #[must_use]
     pub fn g() -> Self {
         Self { response: Spectrum::sampled(320.0, STEP_NM, &G), zero_point_mag: 25.687_366_867_1 }
     }
 
     /// Returns the BP band.
-    #[must_use]
     pub fn bp() -> Self {
         Self { response: Spectrum::sampled(320.0, STEP_NM, &BP), zero_point_mag: 25.338_542_215_8 }
     }
 
     /// Returns the RP band.
-    #[must_use]
     pub fn rp() -> Self {
         Self { response: Spectrum::sampled(600.0, STEP_NM, &RP), zero_point_mag: 24.747_895_501_2 }
     }
 
     /// Returns the magnitude of a source from which the telescope would count this many electrons s^-1 m^-2.
-    #[must_use]
     pub fn mag(&self, e_per_s_m2: f64) -> f64 {
         self.zero_point_mag - 2.5 * (PUPIL_M2 * e_per_s_m2).log10()
     }
 
     /// Returns the electrons s^-1 m^-2 that the telescope counts from a source of magnitude 0.
-    #[must_use]
     pub fn zero_magnitude_e_per_s_m2(&self) -> f64 {
         10_f64.powf(0.4 * self.zero_point_mag) / PUPIL_M2
     }

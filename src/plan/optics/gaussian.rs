@@ -6,7 +6,6 @@
 use core::f64::consts::FRAC_1_SQRT_2;
 
 /// Returns the share of the light in the unit cell centred `x_px` from the star, one axis.
-#[must_use]
 pub fn cell(x_px: f64, sigma_px: f64) -> f64 {
     let scale = FRAC_1_SQRT_2 / sigma_px;
     let (low, high) = ((x_px - 0.5) * scale, (x_px + 0.5) * scale);
@@ -22,7 +21,6 @@ pub fn cell(x_px: f64, sigma_px: f64) -> f64 {
 
 /// Returns the share of the light outside the square of half-width `half_px + 1/2` about any star within half a pixel
 /// of its centre (worst case: the star half a pixel off in both axes).
-#[must_use]
 pub fn lost_flux(half_px: usize, sigma_px: f64) -> f64 {
     let edge = half_px as f64 * FRAC_1_SQRT_2 / sigma_px;
     let far = (half_px as f64 + 1.0) * FRAC_1_SQRT_2 / sigma_px;
@@ -31,7 +29,6 @@ pub fn lost_flux(half_px: usize, sigma_px: f64) -> f64 {
 
 /// Returns the interpolation error of a cubic spline table with `per_px` grid points per pixel, relative to the peak:
 /// `h^4 |f''''| / 384` along both axes. `f''''` at the peak is `3 / sigma^4` of it, and a pixel adds its own variance.
-#[must_use]
 pub fn table_error(sigma_px: f64, per_px: f64) -> f64 {
     let variance = sigma_px * sigma_px;
     // A pixel much wider than the PSF has two edges instead: the Gaussian's own third derivative.

@@ -37,7 +37,6 @@ pub struct GreyMap {
 
 impl GreyMap {
     /// Returns the sum of a star's grey above black, DN.
-    #[must_use]
     pub fn grey_dn(&self, mag: f64) -> f64 {
         let (bright, faint) = (self.brightest_mag, self.faintest_mag);
         let mag = mag.clamp(bright, faint);
@@ -52,7 +51,6 @@ impl GreyMap {
     }
 
     /// Returns the electrons of a star in any exposure.
-    #[must_use]
     pub fn electrons(&self, mag: f64) -> f64 {
         self.gain_e_per_dn * self.grey_dn(mag)
     }

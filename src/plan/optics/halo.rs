@@ -19,7 +19,6 @@ pub struct Halo {
 
 impl Halo {
     /// Returns a PSF with `halo_share` of the light in a halo of `halo_sigma_px`, the rest in a core of `sigma_px`.
-    #[must_use]
     pub fn new(sigma_px: f64, halo_sigma_px: f64, halo_share: f64) -> Self {
         Self { parts: [(1.0 - halo_share, sigma_px), (halo_share, halo_sigma_px)] }
     }

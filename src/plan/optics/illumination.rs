@@ -60,7 +60,6 @@ impl Illumination {
     pub const EVEN: Self = Self { vignetting: None, cos4: false, unblocked: 1.0 };
 
     /// Returns true when it changes nothing.
-    #[must_use]
     pub fn is_even(&self) -> bool {
         *self == Self::EVEN
     }
@@ -68,7 +67,6 @@ impl Illumination {
     /// Returns the relative illumination at a field point, given by the tangents (X/Z, Y/Z) of its direction without
     /// distortion.
     #[inline]
-    #[must_use]
     pub fn at(&self, tangent: DVec2) -> f64 {
         if self.is_even() {
             return 1.0;
@@ -80,7 +78,6 @@ impl Illumination {
     }
 
     /// Returns the bound of the change of [`Self::at`] per unit of tangent, anywhere.
-    #[must_use]
     pub fn steepest_per_tangent(&self) -> f64 {
         let cos4 = if self.cos4 { COS4_SLOPE } else { 0.0 };
         self.unblocked * (cos4 + self.vignetting.map_or(0.0, |stops| stops.steepest_per_tangent()))
@@ -100,7 +97,6 @@ impl Vignetting {
     }
 
     /// Returns `tan w` from which the field darkens, and from which it is dark.
-    #[must_use]
     pub fn edges(&self) -> [f64; 2] {
         let Self { window_radius_mm: a, pupil_radius_mm: b, distance_mm } = *self;
         [(a - b).abs() / distance_mm, (a + b) / distance_mm]

@@ -15,7 +15,6 @@ pub struct Spline {
 
 impl Spline {
     /// Returns the spline through samples, row by row, `columns` in each.
-    #[must_use]
     pub fn new(samples: &[f64], columns: usize) -> Self {
         let rows = samples.len() / columns;
         let stride = columns + 2;
@@ -34,13 +33,11 @@ impl Spline {
     }
 
     /// Returns the coefficients row by row, with one more on every side than there are samples.
-    #[must_use]
     pub fn coefficients(&self) -> &[f64] {
         &self.coefficients
     }
 
     /// Returns its value at a place counted in samples from the first; 0 outside.
-    #[must_use]
     pub fn at(&self, x: f64, y: f64) -> f64 {
         // Negated, so that NaN counts as outside.
         let inside = |v: f64, n: usize| v >= 0.0 && v <= n as f64 - 1.0;

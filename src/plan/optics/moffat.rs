@@ -28,7 +28,6 @@ const DERIVATIVE_STEP: f64 = 0.05;
 
 impl Moffat {
     /// Returns a profile. `alpha_px`: scale of the core; `beta` > 1: steepness of the wings.
-    #[must_use]
     pub fn new(alpha_px: f64, beta: f64) -> Self {
         let convergence = 2.0 * alpha_px + (4.0 * alpha_px * alpha_px + 1.0).sqrt();
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small positive number")]
@@ -39,7 +38,6 @@ impl Moffat {
     }
 
     /// Returns the profile with this width at half its height, px: `2 alpha sqrt(2^(1 / beta) - 1)`.
-    #[must_use]
     pub fn of_fwhm(fwhm_px: f64, beta: f64) -> Self {
         Self::new(0.5 * fwhm_px / (2.0_f64.powf(1.0 / beta) - 1.0).sqrt(), beta)
     }

@@ -9,7 +9,6 @@ use crate::optics::radiometry::COLOR_RANGE;
 const G_MINUS_V: [f64; 4] = [-0.02704, 0.01424, -0.2156, 0.01426];
 
 /// Returns `G - V` of a star of this colour; a missing colour is taken as 0.
-#[must_use]
 pub fn g_minus_v(bp_rp: f64) -> f64 {
     let x = if bp_rp.is_finite() { bp_rp.clamp(COLOR_RANGE.0, COLOR_RANGE.1) } else { 0.0 };
     let [c0, c1, c2, c3] = G_MINUS_V;
@@ -17,7 +16,6 @@ pub fn g_minus_v(bp_rp: f64) -> f64 {
 }
 
 /// Returns the V magnitude of a star.
-#[must_use]
 pub fn mag_v(mag_g: f64, bp_rp: f64) -> f64 {
     mag_g - g_minus_v(bp_rp)
 }

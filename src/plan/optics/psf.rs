@@ -46,43 +46,36 @@ pub enum PsfForm<'a> {
 
 impl PsfModel {
     /// Returns a circular Gaussian.
-    #[must_use]
     pub fn gaussian(sigma_px: f64) -> Self {
         Self::Gaussian { sigma_px }
     }
 
     /// Returns an Airy pattern; see [`Airy::new`].
-    #[must_use]
     pub fn airy(lambda_n_px: f64, obscuration: f64) -> Self {
         Self::Airy(Airy::new(lambda_n_px, obscuration))
     }
 
     /// Returns a Moffat profile; see [`Moffat::new`].
-    #[must_use]
     pub fn moffat(alpha_px: f64, beta: f64) -> Self {
         Self::Moffat(Moffat::new(alpha_px, beta))
     }
 
     /// Returns a Gaussian with a halo; see [`Halo::new`].
-    #[must_use]
     pub fn halo(sigma_px: f64, halo_sigma_px: f64, halo_share: f64) -> Self {
         Self::Halo(Halo::new(sigma_px, halo_sigma_px, halo_share))
     }
 
     /// Returns a PSF of samples of the pixel integral.
-    #[must_use]
     pub fn grid(grid: PsfGrid) -> Self {
         Self::Grid(Arc::new(grid))
     }
 
     /// Returns a field of PSFs over the detector.
-    #[must_use]
     pub fn field(field: PsfField) -> Self {
         Self::Field(Arc::new(field))
     }
 
     /// Returns the form in which it is drawn.
-    #[must_use]
     pub fn form(&self) -> PsfForm<'_> {
         match self {
             Self::Gaussian { sigma_px } => PsfForm::Gaussian(*sigma_px),
@@ -95,44 +88,37 @@ impl PsfModel {
     }
 
     /// Returns true for a Gaussian, which needs no table.
-    #[must_use]
     pub fn is_gaussian(&self) -> bool {
         matches!(self, Self::Gaussian { .. })
     }
 
     /// Returns the field, if the PSF depends on the place.
-    #[must_use]
     pub fn as_field(&self) -> Option<&Arc<PsfField>> {
         if let Self::Field(field) = self { Some(field) } else { None }
     }
 
     /// Returns the PSFs that form this one: itself, or those at the nodes of a field.
-    #[must_use]
     pub fn nodes(&self) -> &[Self] {
         self.as_field().map_or(core::slice::from_ref(self), |field| field.nodes())
     }
 
     /// Returns the number of PSFs from which one star is drawn.
-    #[must_use]
     pub fn blended(&self) -> usize {
         if self.as_field().is_some() { 4 } else { 1 }
     }
 
     /// Returns the PSFs among [`Self::nodes`] that form that of a place, and their shares.
-    #[must_use]
     pub fn around(&self, px: [f64; 2]) -> [(usize, f64); 4] {
         self.as_field().map_or([(0, 1.0), (0, 0.0), (0, 0.0), (0, 0.0)], |field| field.around(px))
     }
 
     /// Returns the share of the light in the pixel whose centre lies (`x_px`, `y_px`) from a star at `star_px`.
-    #[must_use]
     pub fn pixel_of(&self, star_px: [f64; 2], x_px: f64, y_px: f64) -> f64 {
         self.as_field().map_or_else(|| self.pixel(x_px, y_px), |field| field.pixel(star_px, x_px, y_px))
     }
 
     /// Returns the share of the light in the pixel whose centre lies (`x_px`, `y_px`) from the star, which in a field
     /// is in the middle of the detector.
-    #[must_use]
     pub fn pixel(&self, x_px: f64, y_px: f64) -> f64 {
         match self.form() {
             PsfForm::Gaussian(sigma_px) => gaussian::cell(x_px, sigma_px) * gaussian::cell(y_px, sigma_px),
@@ -144,7 +130,6 @@ impl PsfModel {
 
     /// Returns the largest share any pixel can receive (the star at its centre, where the PSF is symmetric), anywhere
     /// in a field.
-    #[must_use]
     pub fn peak(&self) -> f64 {
         match self.form() {
             PsfForm::Grid(grid) => grid.peak(),
@@ -154,7 +139,6 @@ impl PsfModel {
     }
 
     /// Returns the standard deviation of the Gaussian with the same core, px: the scale for the length of a motion.
-    #[must_use]
     pub fn core_sigma_px(&self) -> f64 {
         match self.form() {
             PsfForm::Gaussian(sigma_px) => sigma_px,
@@ -166,7 +150,6 @@ impl PsfModel {
     }
 
     /// Returns the share of the light outside a square footprint of half-width `half_px + 1/2` px (upper bound).
-    #[must_use]
     pub fn lost_flux(&self, half_px: usize) -> f64 {
         match self.form() {
             PsfForm::Gaussian(sigma_px) => gaussian::lost_flux(half_px, sigma_px),
@@ -179,7 +162,6 @@ impl PsfModel {
 
     /// Returns the footprint half-width that contains all light within double precision, for a PSF that ends there: a
     /// Gaussian of any width; other PSFs are cut as by [`Self::half_px`].
-    #[must_use]
     pub fn whole_half_px(&self) -> usize {
         /// Largest light loss.
         const LOST_FLUX: f64 = 1e-13;
@@ -198,7 +180,6 @@ impl PsfModel {
 
     /// Returns the smallest footprint half-width that loses no more than `flux_rel`, at most [`LARGEST_HALF_PX`] and a
     /// grid's own.
-    #[must_use]
     pub fn half_px(&self, flux_rel: f64) -> usize {
         let most = match self.form() {
             PsfForm::Grid(grid) => grid.half_px(),
@@ -210,7 +191,6 @@ impl PsfModel {
 
     /// Returns the interpolation error of a cubic spline table with `per_px` grid points per pixel, relative to the
     /// peak.
-    #[must_use]
     pub fn table_error(&self, per_px: f64) -> f64 {
         match self.form() {
             PsfForm::Gaussian(sigma_px) => gaussian::table_error(sigma_px, per_px),

@@ -71,19 +71,16 @@ impl PsfField {
     }
 
     /// Returns the number of cells between the nodes along a row and a column.
-    #[must_use]
     pub fn cells(&self) -> [usize; 2] {
         self.cells
     }
 
     /// Returns the PSFs at the nodes, row by row.
-    #[must_use]
     pub fn nodes(&self) -> &[PsfModel] {
         &self.nodes
     }
 
     /// Returns the place of a node, px.
-    #[must_use]
     pub fn place_px(&self, node: usize) -> [f64; 2] {
         let columns = self.cells[0] + 1;
         self.corner_px([node % columns, node / columns])
@@ -91,7 +88,6 @@ impl PsfField {
 
     /// Returns the four nodes about a place (top left, top right, bottom left, bottom right) and their shares, which
     /// sum to 1. Places off the detector have those of the edge.
-    #[must_use]
     pub fn around(&self, px: [f64; 2]) -> [(usize, f64); 4] {
         let cell: [usize; 2] = core::array::from_fn(|i| {
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the cells")]
@@ -112,14 +108,12 @@ impl PsfField {
     }
 
     /// Returns the share of the light of a star at `star_px` in the pixel whose centre lies (`x_px`, `y_px`) from it.
-    #[must_use]
     pub fn pixel(&self, star_px: [f64; 2], x_px: f64, y_px: f64) -> f64 {
         let nodes = self.around(star_px).into_iter().filter(|(_, share)| *share > 0.0);
         nodes.map(|(node, share)| share * self.nodes[node].pixel(x_px, y_px)).sum()
     }
 
     /// Returns the middle of the detector, px.
-    #[must_use]
     pub fn middle_px(&self) -> [f64; 2] {
         self.size_px.map(|size| 0.5 * (size - 1.0))
     }

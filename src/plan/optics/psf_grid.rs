@@ -119,7 +119,6 @@ impl Eq for PsfGrid {}
 
 impl PsfGrid {
     /// Returns the number of samples along each side of a grid.
-    #[must_use]
     pub fn side_of(oversampling: usize, half_px: usize) -> usize {
         2 * half_px * oversampling + oversampling + 1
     }
@@ -173,32 +172,27 @@ impl PsfGrid {
     }
 
     /// Returns the number of samples per pixel.
-    #[must_use]
     pub fn oversampling(&self) -> usize {
         self.oversampling
     }
 
     /// Returns the half-width, px: the grid ends this and half a pixel from the star.
-    #[must_use]
     pub fn half_px(&self) -> usize {
         self.half_px
     }
 
     /// Returns the largest share any pixel can receive, for the best position of the star.
-    #[must_use]
     pub fn peak(&self) -> f64 {
         self.peak
     }
 
     /// Returns the share of the light inside the grid, mean over all places of the star on its pixel.
-    #[must_use]
     pub fn flux(&self) -> f64 {
         self.flux
     }
 
     /// Returns the standard deviation of the Gaussian with the same largest curvature, before the integral over a
     /// pixel, px.
-    #[must_use]
     pub fn core_sigma_px(&self) -> f64 {
         self.core_sigma_px
     }
@@ -206,7 +200,6 @@ impl PsfGrid {
     /// Returns the interpolation error of a table with `per_px` grid points per pixel, relative to the peak. The spline
     /// has steps of its third derivative at its knots: a table that includes these knots is that spline, and a kernel,
     /// which displaces it, has an error within this bound.
-    #[must_use]
     pub fn table_error(&self, per_px: f64) -> f64 {
         let own = self.oversampling as f64;
         let knots = if per_px >= 2.0 * own {
@@ -221,13 +214,11 @@ impl PsfGrid {
 
     /// Returns the share of the light outside a square footprint of half-width `half_px + 1/2` px (upper bound over all
     /// places of the star on its pixel).
-    #[must_use]
     pub fn lost_flux(&self, half_px: usize) -> f64 {
         self.lost.get(half_px).or(self.lost.last()).copied().unwrap_or(1.0)
     }
 
     /// Returns the share of the light in the pixel whose centre lies (`x_px`, `y_px`) from the star.
-    #[must_use]
     pub fn pixel(&self, x_px: f64, y_px: f64) -> f64 {
         let reach = self.half_px as f64 + 0.5;
         // Negated, so that NaN counts as outside.
@@ -241,7 +232,6 @@ impl PsfGrid {
 
     /// Returns the spline coefficient `column`, `row` steps of the grid from the star; beyond the grid's margin of one,
     /// 0.
-    #[must_use]
     pub fn coefficient(&self, column: isize, row: isize) -> f64 {
         let middle = (self.stride() / 2).cast_signed();
         let at = |i: isize| usize::try_from(i + middle).ok().filter(|i| *i < self.stride());

@@ -18,7 +18,6 @@ pub struct Node {
 const NEWTON_STEPS: usize = 12;
 
 /// Returns the node `i` of `n` (ascending in x).
-#[must_use]
 pub fn gauss_legendre_node(n: usize, i: usize) -> Node {
     let mut x = -(core::f64::consts::PI * (i as f64 + 0.75) / (n as f64 + 0.5)).cos();
     let mut slope = 1.0;
@@ -36,7 +35,6 @@ pub fn gauss_legendre_node(n: usize, i: usize) -> Node {
 }
 
 /// Returns all `n` nodes, ascending.
-#[must_use]
 pub fn gauss_legendre(n: usize) -> Vec<Node> {
     (0..n).map(|i| gauss_legendre_node(n, i)).collect()
 }
@@ -84,7 +82,6 @@ pub fn with_gauss_legendre<T>(n: usize, with: impl FnOnce(&[Node]) -> T) -> T {
 
 /// Returns the integral over a pixel whose centre lies (`x_px`, `y_px`) from the star, of an irradiance that depends on
 /// the distance alone, by the tensor rule of these nodes.
-#[must_use]
 pub fn over_pixel(nodes: &[Node], [x_px, y_px]: [f64; 2], irradiance: impl Fn(f64) -> f64) -> f64 {
     let mut sum = 0.0;
     for row in nodes {

@@ -31,27 +31,23 @@ pub struct Radiometry {
 
 impl Radiometry {
     /// Returns the clear aperture, m^2.
-    #[must_use]
     pub fn clear_aperture_m2(&self) -> f64 {
         let diameter_m = self.aperture_mm * 1e-3;
         PI / 4.0 * diameter_m * diameter_m * (1.0 - self.obscuration * self.obscuration)
     }
 
     /// Returns the electrons per second of a star of instrument magnitude 0.
-    #[must_use]
     pub fn zero_point_e_per_s(&self) -> f64 {
         self.zero_magnitude_photons_per_s_m2 * self.clear_aperture_m2() * self.transmission * self.quantum_efficiency
     }
 
     /// Returns the instrument magnitude.
-    #[must_use]
     pub fn mag_instrument(&self, mag_g: f64, bp_rp: f64) -> f64 {
         let color = if bp_rp.is_finite() { bp_rp.clamp(COLOR_RANGE.0, COLOR_RANGE.1) } else { 0.0 };
         mag_g + self.color_c1 * color + self.color_c2 * color * color
     }
 
     /// Returns the electrons a star leaves on the detector during one exposure.
-    #[must_use]
     pub fn electrons(&self, mag_g: f64, bp_rp: f64, exposure_s: f64) -> f64 {
         self.zero_point_e_per_s() * exposure_s * 10_f64.powf(-0.4 * self.mag_instrument(mag_g, bp_rp))
     }

@@ -64,7 +64,6 @@ const ZODIACAL_S10: [[f64; 11]; 19] = [
 ];
 
 /// Returns the zodiacal light in a direction, S10, with the Sun in another (ICRF axes, any length).
-#[must_use]
 pub fn zodiacal_s10(direction_icrf: DVec3, sun_icrf: DVec3) -> f64 {
     let [longitude, latitude] = ecliptic_rad(direction_icrf);
     let from_sun = (longitude - ecliptic_rad(sun_icrf)[0]) / DEG;
@@ -72,7 +71,6 @@ pub fn zodiacal_s10(direction_icrf: DVec3, sun_icrf: DVec3) -> f64 {
 }
 
 /// Returns the light of the Galaxy in a direction (ICRF axes, any length), mean over galactic longitude, S10.
-#[must_use]
 pub fn galactic_s10(direction_icrf: DVec3) -> f64 {
     let [ra, dec] = GALACTIC_POLE_DEG.map(|deg| deg * DEG);
     let pole = DVec3::new(dec.cos() * ra.cos(), dec.cos() * ra.sin(), dec.sin());
@@ -82,7 +80,6 @@ pub fn galactic_s10(direction_icrf: DVec3) -> f64 {
 }
 
 /// Returns the V magnitude per square arcsecond of a brightness in S10.
-#[must_use]
 pub fn mag_per_arcsec2(s10: f64) -> f64 {
     S10_MAG_PER_ARCSEC2 - 2.5 * s10.log10()
 }
@@ -126,13 +123,11 @@ pub struct SkyBrightness {
 
 impl SkyBrightness {
     /// Returns whether it shines nowhere.
-    #[must_use]
     pub fn is_dark(&self) -> bool {
         !(self.zodiacal || self.galactic)
     }
 
     /// Returns electrons per second and pixel in a direction, with the Sun in another (ICRF axes).
-    #[must_use]
     pub fn e_per_s(&self, direction_icrf: DVec3, sun_icrf: DVec3) -> f64 {
         let zodiacal = if self.zodiacal { zodiacal_s10(direction_icrf, sun_icrf) } else { 0.0 };
         let galactic = if self.galactic { galactic_s10(direction_icrf) } else { 0.0 };
@@ -141,7 +136,6 @@ impl SkyBrightness {
 }
 
 /// Returns the solid angle of a pixel on the axis, arcsec^2, from its sides in rad.
-#[must_use]
 pub fn pixel_arcsec2(ifov_rad: [f64; 2]) -> f64 {
     let side = DVec2::from_array(ifov_rad) / (DEG / 3600.0);
     side.x * side.y

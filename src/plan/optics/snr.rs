@@ -36,7 +36,6 @@ pub struct PixelNoise {
 
 impl PixelNoise {
     /// Returns the variance of one frame without fixed patterns, e-^2.
-    #[must_use]
     pub fn variance_e2(&self) -> f64 {
         self.dark_e + self.background_e + self.read_noise_e_rms.powi(2) + self.lsb_e.powi(2) / 12.0
     }
@@ -53,7 +52,6 @@ pub struct NoiseInAperture {
 
 impl NoiseInAperture {
     /// Returns the SNR of a star of this many electrons in total.
-    #[must_use]
     pub fn snr(&self, electrons: f64) -> f64 {
         let signal = self.share * electrons;
         signal / (signal + self.variance_e2).sqrt()
@@ -62,7 +60,6 @@ impl NoiseInAperture {
 
 /// Returns the electrons of the whole star whose sum over the aperture has this SNR: the positive root of `(S E)^2 -
 /// snr^2 S E - snr^2 n b = 0`.
-#[must_use]
 pub fn electrons_for_snr(snr: f64, noise: &NoiseInAperture) -> f64 {
     let squared = snr * snr;
     0.5 * (squared + (squared * squared + 4.0 * squared * noise.variance_e2).sqrt()) / noise.share
@@ -105,7 +102,6 @@ pub struct Terms {
 
 impl Window {
     /// Returns a window of `side_px` (made odd) pixels squared.
-    #[must_use]
     pub fn new(psf: &PsfModel, side_px: usize) -> Self {
         let half = (side_px / 2) as i64;
         let offsets = || (-half..=half).map(|offset| offset as f64);
@@ -114,7 +110,6 @@ impl Window {
     }
 
     /// Returns the window, up to `most_px`, that reaches this SNR with the faintest star.
-    #[must_use]
     pub fn best(psf: &PsfModel, pixel: &PixelNoise, snr: f64, most_px: usize) -> Self {
         let mut best = Self::new(psf, 1);
         let mut least_e = electrons_for_snr(snr, &best.noise(pixel));
@@ -129,31 +124,26 @@ impl Window {
     }
 
     /// Returns the side, px; odd.
-    #[must_use]
     pub fn side_px(&self) -> usize {
         self.side_px
     }
 
     /// Returns the share of the star's light in the window (ensquared energy).
-    #[must_use]
     pub fn share(&self) -> f64 {
         self.shares.iter().sum()
     }
 
     /// Returns the share of the star's light in the brightest pixel.
-    #[must_use]
     pub fn peak(&self) -> f64 {
         self.shares.iter().copied().fold(0.0, f64::max)
     }
 
     /// Returns the aperture and its noise without a star.
-    #[must_use]
     pub fn noise(&self, pixel: &PixelNoise) -> NoiseInAperture {
         NoiseInAperture { share: self.share(), variance_e2: self.shares.len() as f64 * pixel.variance_e2() }
     }
 
     /// Returns the SNR of the optimally weighted sum for a star of this many electrons in total.
-    #[must_use]
     pub fn snr_optimal(&self, electrons: f64, pixel: &PixelNoise) -> f64 {
         let variance = pixel.variance_e2();
         let of_pixel = |share: &f64| {
@@ -164,7 +154,6 @@ impl Window {
     }
 
     /// Returns all terms of the noise for a star of this many electrons in total.
-    #[must_use]
     pub fn terms(&self, electrons: f64, pixel: &PixelNoise) -> Terms {
         let pixels = self.shares.len() as f64;
         let signal_e = electrons * self.share();
@@ -186,7 +175,6 @@ impl Window {
 
     /// Returns the electrons of the whole star at which its brightest pixel contains `full_e`, including all other
     /// signals in it.
-    #[must_use]
     pub fn saturating_electrons(&self, full_e: f64, pixel: &PixelNoise) -> f64 {
         ((full_e - pixel.dark_e - pixel.background_e) / self.peak()).max(0.0)
     }

@@ -118,7 +118,6 @@ impl Spectrum {
     }
 
     /// Returns the value at a wavelength; 0 outside the table.
-    #[must_use]
     pub fn at(&self, nm: f64) -> f64 {
         let above = self.points.partition_point(|point| point[0] < nm);
         match (above.checked_sub(1).and_then(|below| self.points.get(below)), self.points.get(above)) {
@@ -129,7 +128,6 @@ impl Spectrum {
     }
 
     /// Returns the first and last wavelength, nm.
-    #[must_use]
     pub fn range_nm(&self) -> (f64, f64) {
         (self.points[0][0], self.points[self.points.len() - 1][0])
     }

@@ -40,7 +40,6 @@ impl From<Radiometry> for StarLight {
 
 impl StarLight {
     /// Returns the electrons a star of this G and BP-RP leaves on the detector during one exposure.
-    #[must_use]
     pub fn electrons(&self, mag_g: f64, bp_rp: f64, exposure_s: f64) -> f64 {
         match self {
             Self::Parametric(radiometry) => radiometry.electrons(mag_g, bp_rp, exposure_s),
@@ -51,7 +50,6 @@ impl StarLight {
     }
 
     /// Returns the instrument magnitude: 0 for the zero point's electrons; G itself under a grey mapping.
-    #[must_use]
     pub fn mag_instrument(&self, mag_g: f64, bp_rp: f64) -> f64 {
         match self {
             Self::Parametric(radiometry) => radiometry.mag_instrument(mag_g, bp_rp),
@@ -63,7 +61,6 @@ impl StarLight {
 
     /// Returns the electrons per second of a star of instrument magnitude 0; `None` when electrons do not follow the
     /// exposure.
-    #[must_use]
     pub fn zero_point_e_per_s(&self) -> Option<f64> {
         match self {
             Self::Parametric(radiometry) | Self::ParametricV(radiometry) => Some(radiometry.zero_point_e_per_s()),
@@ -73,7 +70,6 @@ impl StarLight {
     }
 
     /// Returns the G magnitude of the star of this colour with this many electrons; `None` if there is none.
-    #[must_use]
     pub fn mag_g_of_electrons(&self, electrons: f64, bp_rp: f64, exposure_s: f64) -> Option<f64> {
         let of = |mag_g: f64| self.electrons(mag_g, bp_rp, exposure_s);
         let (mut bright, mut faint) = MAG_RANGE;
@@ -90,7 +86,6 @@ impl StarLight {
 
 /// Returns the electrons per second and pixel of a sky of this surface brightness (instrument magnitudes per square
 /// arcsecond), with pixels of `ifov_arcsec` squared: `zero_point 10^(-0.4 mu) ifov^2`.
-#[must_use]
 pub fn surface_brightness_e_per_s_px(zero_point_e_per_s: f64, mag_per_arcsec2: f64, ifov_arcsec: f64) -> f64 {
     zero_point_e_per_s * 10_f64.powf(-0.4 * mag_per_arcsec2) * ifov_arcsec * ifov_arcsec
 }

@@ -35,13 +35,11 @@ pub struct StarSpectrum {
 
 impl StarSpectrum {
     /// Returns the colour temperature, K.
-    #[must_use]
     pub fn temperature_k(&self) -> f64 {
         self.temperature_k
     }
 
     /// Returns the photons s^-1 m^-2 nm^-1 of the star, scaled to G = 0, at a wavelength above 0.
-    #[must_use]
     pub fn photons_per_s_m2_nm(&self, nm: f64) -> f64 {
         self.scale * planck_photons(nm, self.temperature_k.recip())
     }
@@ -69,7 +67,6 @@ impl Default for StarSpectra {
 
 impl StarSpectra {
     /// Returns spectra with the passbands of this crate.
-    #[must_use]
     pub fn new() -> Self {
         let ready = |band: GaiaBand| {
             let (from, to) = band.response.range_nm();
@@ -80,7 +77,6 @@ impl StarSpectra {
     }
 
     /// Returns the spectrum of a star of G = 0 and this colour.
-    #[must_use]
     pub fn of_color(&self, bp_rp: f64) -> StarSpectrum {
         let color = if bp_rp.is_finite() { bp_rp.clamp(COLOR_RANGE.0, COLOR_RANGE.1) } else { 0.0 };
         let reciprocal_k = self.reciprocal_of_color(color);

@@ -53,7 +53,6 @@ pub struct Effort {
 impl Effort {
     /// Returns the effort of a full calibration (a few seconds) or, when `quick`, of one that takes about one second.
     /// The reference backend gets scenes it can draw in that time.
-    #[must_use]
     pub fn of(choice: BackendChoice, quick: bool) -> Self {
         match (choice, quick) {
             (BackendChoice::Reference, _) => Self { sides_px: [128, 256], stars: [20, 80], repeats: 3 },
@@ -183,7 +182,6 @@ impl MeasuredScene {
     }
 
     /// Returns the time that `cost` predicts for this scene, ms; on a GPU including the readout.
-    #[must_use]
     pub fn predicted_ms(&self, cost: &CostModel, is_timed_whole: bool) -> f64 {
         let readout_ms = if is_timed_whole { cost.readout_ms(self.side_px * self.side_px) } else { 0.0 };
         self.timing().predicted_ms(cost) + readout_ms

@@ -54,7 +54,6 @@ impl CameraIntake {
     }
 
     /// Returns true when CAMERA_STATUS is wanted.
-    #[must_use]
     pub fn is_reporting(&self) -> bool {
         self.is_reporting
     }

@@ -64,7 +64,6 @@ pub struct Conditions {
 
 impl Conditions {
     /// Returns conditions without faults.
-    #[must_use]
     pub fn new() -> Self {
         Self {
             stray_e_per_s: 0.0,

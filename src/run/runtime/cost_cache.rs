@@ -45,7 +45,6 @@ pub struct CachedCost {
 
 impl CostOwner {
     /// Returns the identity of a backend on this machine with this version.
-    #[must_use]
     pub fn here(backend: &str, adapter: &str) -> Self {
         let Machine { cpu, cores, system } = Machine::read();
         let starloop_version = env!("CARGO_PKG_VERSION").into();
@@ -53,7 +52,6 @@ impl CostOwner {
     }
 
     /// Returns the path of its file in a folder.
-    #[must_use]
     pub fn file_in(&self, folder: &Path) -> PathBuf {
         let plain = |c: char| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '_' };
         let cpu: String = self.cpu.chars().map(plain).collect();
@@ -78,7 +76,6 @@ impl CostOwner {
 }
 
 /// Returns the cache folder, if the system has a place for one.
-#[must_use]
 pub fn folder() -> Option<PathBuf> {
     let absolute = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
     let cache = absolute("XDG_CACHE_HOME").or_else(|| absolute("HOME").map(|home| home.join(".cache")))?;

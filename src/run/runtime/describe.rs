@@ -12,7 +12,6 @@ use plan::attitude::{LosPath, PathOrigin};
 use plan::exposure::ExposurePlan;
 
 /// Returns the name of an attitude's origin in files.
-#[must_use]
 pub fn origin_name(origin: PathOrigin) -> &'static str {
     match origin {
         PathOrigin::Interpolated => "interpolated",

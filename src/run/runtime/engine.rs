@@ -251,7 +251,6 @@ impl FrameEngine {
     }
 
     /// Returns the ratio of measured to predicted drawing time; 1 where load is not tracked.
-    #[must_use]
     pub fn load(&self) -> f64 {
         self.load.map_or(1.0, |load| load.ratio())
     }
@@ -276,56 +275,47 @@ impl FrameEngine {
 
     /// Returns the bound of the latest frame's pointing error, rad, by the attitude method that made it; `None` when
     /// the motion is unknown or the method has no bound (held, or predicted beyond the acceleration's horizon).
-    #[must_use]
     pub fn pointing_bound_rad(&self) -> Option<f64> {
         self.pointing_bound_rad
     }
 
     /// Returns the end of the latest frame if it goes out on time.
-    #[must_use]
     pub fn end_on_time(&self) -> FrameEnd {
         self.end_on_time
     }
 
     /// Returns the largest error that the lens contributes to the sky map in frame headers, px; `None` where frames
     /// have no map.
-    #[must_use]
     pub fn wcs_error_px(&self) -> Option<f64> {
         self.wcs.as_ref().map(WcsMaker::lens_error_px)
     }
 
     /// Returns the backend and detector.
-    #[must_use]
     pub fn imager(&self) -> &Imager {
         &self.imager
     }
 
     /// Returns what the observer did to directions at the latest image; `None` before the first.
-    #[must_use]
     pub fn sight(&self) -> Option<&Sight> {
         self.scene.stars.sight()
     }
 
     /// Returns the plan of the latest frame.
-    #[must_use]
     pub fn latest_plan(&self) -> &ExposurePlan {
         self.planner.latest()
     }
 
     /// Returns the parameters.
-    #[must_use]
     pub fn params(&self) -> &RunParams {
         &self.params
     }
 
     /// Returns the slot of frame `number` of a run without commands to its camera.
-    #[must_use]
     pub fn slot(&self, number: u32) -> Slot {
         self.exposing.nominal(number)
     }
 
     /// Returns times and settings of its exposures.
-    #[must_use]
     pub fn exposing(&self) -> &Exposing {
         &self.exposing
     }
@@ -337,7 +327,6 @@ impl FrameEngine {
 
     /// Returns the longest time that a slot waits for jitter samples that are under way: zero without a stream of them
     /// or for frames drawn ahead, and at most half of the time that a frame like the one before leaves.
-    #[must_use]
     pub fn jitter_wait(&self, slot: Slot, receiver: &Receiver) -> Span {
         let params = &self.params;
         if params.ahead > Span::ZERO || !receiver.jitter().is_streaming(slot.exposure_end) {
@@ -377,7 +366,6 @@ impl FrameEngine {
     }
 
     /// Returns true when jitter samples of a slot's exposure are still to come.
-    #[must_use]
     pub fn lacks_jitter(&self, slot: Slot, receiver: &Receiver) -> bool {
         receiver.jitter().is_behind(slot.exposure_end + Span::from_s(0.5 * self.rows_s()))
     }

@@ -55,7 +55,6 @@ pub struct Exposing {
 
 impl Exposing {
     /// Returns the exposures of a run without commands so far.
-    #[must_use]
     pub fn new(params: &RunParams) -> Self {
         let camera = &params.camera;
         let own = Span::from_s(camera.exposure_s);
@@ -92,19 +91,16 @@ impl Exposing {
     }
 
     /// Returns the range of values that commands may set; `None` when nothing may be set, as for a display.
-    #[must_use]
     pub fn range(&self) -> Option<&CameraRange> {
         self.shutter.range()
     }
 
     /// Returns the range of values that commands may set while these regions are read out.
-    #[must_use]
     pub fn range_reading(&self, regions: &Regions) -> Option<CameraRange> {
         self.shutter.range_reading(regions)
     }
 
     /// Returns the range of values that commands may set, and how many more commands may wait.
-    #[must_use]
     pub fn view(&self) -> CameraView {
         CameraView { range: self.range().copied(), places: self.shutter.places() }
     }
@@ -115,7 +111,6 @@ impl Exposing {
     }
 
     /// Returns true when a client may command the camera at any instant.
-    #[must_use]
     pub fn has_desks(&self) -> bool {
         !self.desks.is_empty()
     }
@@ -126,55 +121,46 @@ impl Exposing {
     }
 
     /// Returns true when edges of a line trigger this head.
-    #[must_use]
     pub fn has_line(&self) -> bool {
         self.has_line
     }
 
     /// Returns true when a command was accepted.
-    #[must_use]
     pub fn is_commanded(&self) -> bool {
         self.is_commanded
     }
 
     /// Returns the number of exposures of a run without commands.
-    #[must_use]
     pub fn own_exposures(&self) -> u64 {
         self.shutter.own_exposures()
     }
 
     /// Returns the next slot according to the commands so far.
-    #[must_use]
     pub fn next(&self) -> NextSlot {
         self.shutter.next()
     }
 
     /// Returns the start settings of exposures according to the commands up to the last exposure.
-    #[must_use]
     pub fn start(&self) -> &StartSettings {
         self.shutter.start()
     }
 
     /// Returns the start settings of exposures according to all commands so far.
-    #[must_use]
     pub fn next_start(&self) -> StartSettings {
         self.shutter.next_start()
     }
 
     /// Returns the settings of the next exposure according to the commands so far.
-    #[must_use]
     pub fn next_settings(&self) -> &CameraSettings {
         self.shutter.settings()
     }
 
     /// Returns the slot of frame `number` without commands.
-    #[must_use]
     pub fn nominal(&self, number: u32) -> Slot {
         self.shutter.nominal(number)
     }
 
     /// Returns the times and settings of the exposure of the slot that is drawn; `None` until the first command.
-    #[must_use]
     pub fn exposed(&self, slot: &Slot) -> Option<Exposed> {
         let Slot { exposure_start: start, started, .. } = *slot;
         self.is_commanded.then_some(Exposed { start, started, settings: self.settings })
@@ -203,27 +189,23 @@ impl Exposing {
     }
 
     /// Returns the settings of a slot that is drawn or comes next.
-    #[must_use]
     pub fn settings_of(&self, slot: &Slot) -> &CameraSettings {
         let is_next = self.shutter.next().slot().is_some_and(|next| next.number == slot.number);
         if is_next { self.shutter.settings() } else { &self.settings }
     }
 
     /// Returns the settings of the exposure that is drawn.
-    #[must_use]
     pub fn settings(&self) -> &CameraSettings {
         &self.settings
     }
 
     /// Returns the time of the exposure that is drawn, s.
-    #[must_use]
     pub fn exposure_s(&self) -> f64 {
         let (own, own_s) = self.own;
         if self.settings.exposure == own { own_s } else { self.settings.exposure.s() }
     }
 
     /// Returns the ratio of that time to the camera's own: 1 without commands.
-    #[must_use]
     pub fn light_factor(&self) -> f64 {
         self.exposure_s() / self.own.1
     }

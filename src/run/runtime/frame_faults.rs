@@ -164,7 +164,6 @@ impl FrameFaults {
     }
 
     /// Returns every fault, in the order in which they were added.
-    #[must_use]
     pub fn timed(&self) -> &[TimedFrameFault] {
         &self.timed
     }

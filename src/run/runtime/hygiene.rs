@@ -55,7 +55,6 @@ pub enum Role {
 
 impl Role {
     /// Returns the name in reports.
-    #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Link => "link thread",
@@ -85,7 +84,6 @@ pub struct Hygiene {
 
 impl Hygiene {
     /// Returns the parameters with no request made yet.
-    #[must_use]
     pub fn new(params: HygieneParams) -> Self {
         Self { params, reported: Mutex::default(), announce: |_| {} }
     }
@@ -142,7 +140,6 @@ impl Hygiene {
     }
 
     /// Returns the results so far, in order of names, because threads start in any order.
-    #[must_use]
     pub fn lines(&self) -> Vec<HygieneLine> {
         let mut lines = self.reported.lock().unwrap_or_else(PoisonError::into_inner).clone();
         lines.sort_by(|a, b| (&a.what, &a.detail).cmp(&(&b.what, &b.detail)));

@@ -86,7 +86,6 @@ pub struct DeviceTimes {
 
 impl ImagingTimes {
     /// Returns the times by stage; stages that did not run are absent.
-    #[must_use]
     pub fn by_stage(&self) -> StageTimes {
         let mut times = StageTimes::default();
         match self.device {
@@ -235,7 +234,6 @@ impl Imager {
     }
 
     /// Returns the electrons that the latest image lacks because only the brighter of stars and targets is kept.
-    #[must_use]
     pub fn overlap_lost_e(&self) -> f64 {
         self.apart.as_ref().map_or(0.0, |apart| apart.lost_e())
     }
@@ -248,43 +246,36 @@ impl Imager {
     }
 
     /// Returns the name of the backend.
-    #[must_use]
     pub fn name(&self) -> &'static str {
         self.backend().name()
     }
 
     /// Returns a description of the device it runs on.
-    #[must_use]
     pub fn description(&self) -> String {
         self.backend().description()
     }
 
     /// Returns in one line why this backend was selected, when the choice was automatic.
-    #[must_use]
     pub fn note(&self) -> Option<&str> {
         self.note.as_deref()
     }
 
     /// Returns the built-in cost constants of the backend.
-    #[must_use]
     pub fn cost(&self) -> CostModel {
         self.cost
     }
 
     /// Returns true for the reference: it integrates every star's exact path.
-    #[must_use]
     pub fn is_exact(&self) -> bool {
         self.name() == "reference"
     }
 
     /// Returns false for the reference: it is the truth, however long it takes.
-    #[must_use]
     pub fn may_degrade(&self) -> bool {
         !self.is_exact()
     }
 
     /// Returns whether drawing is only submitted in the first of a frame's [`ImagingTimes`].
-    #[must_use]
     pub fn is_on_device(&self) -> bool {
         matches!(self.drawing, Drawing::Device { .. })
     }
@@ -302,7 +293,6 @@ impl Imager {
     }
 
     /// Returns defects and protons; places are sensor pixels.
-    #[must_use]
     pub fn disturbances(&self) -> &Disturbances {
         match &self.drawing {
             Drawing::Host { detector, .. } => detector.disturbances(),
@@ -354,7 +344,6 @@ impl Imager {
     }
 
     /// Returns the mean image of the latest [`Self::render`].
-    #[must_use]
     pub fn latest_mean(&self) -> Electrons<'_> {
         match (&self.drawing, &self.apart) {
             (Drawing::Host { .. }, Some(apart)) if self.is_apart => apart.electrons(),

@@ -18,7 +18,6 @@ macro_rules! events {
             pub const ALL: [Self; [$($name),*].len()] = [$(Self::$kind),*];
 
             /// Returns the name in tables and files.
-            #[must_use]
             pub const fn name(self) -> &'static str {
                 match self {
                     $(Self::$kind => $name,)*
@@ -26,7 +25,6 @@ macro_rules! events {
             }
 
             /// Returns what it means, as one line: `src/guide/events.md` lists every word with it.
-            #[must_use]
             pub const fn meaning(self) -> &'static str {
                 match self {
                     $(Self::$kind => concat!($($doc),+).trim_ascii(),)*
@@ -196,7 +194,6 @@ pub struct Event {
 
 impl Event {
     /// Returns an event without a degradation.
-    #[must_use]
     pub fn new(kind: EventKind, at: Tai, frame: Option<u32>, span: Span) -> Self {
         Self { kind, at, frame, span, degradation: Degradation::Full, what: "" }
     }
@@ -257,7 +254,6 @@ impl Ledger {
     }
 
     /// Returns how often a kind of event happened.
-    #[must_use]
     pub fn count(&self, kind: EventKind) -> u64 {
         self.counts[kind as usize]
     }
@@ -270,7 +266,6 @@ impl Ledger {
     }
 
     /// Returns the number of all events, kept or not.
-    #[must_use]
     pub fn total(&self) -> u64 {
         self.counts.iter().fold(0, |sum, count| sum.saturating_add(*count))
     }

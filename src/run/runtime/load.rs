@@ -36,7 +36,6 @@ pub enum LoadChange {
 
 /// Returns the ratio of measured to predicted time of one frame, from 1 to [`MOST`]; `None` unless both times are
 /// finite numbers.
-#[must_use]
 pub fn ratio_of(predicted_ms: f64, measured_ms: f64) -> Option<f64> {
     let seen = (measured_ms + SLACK_MS) / (predicted_ms + SLACK_MS);
     (seen.is_finite() && predicted_ms >= 0.0).then(|| seen.clamp(1.0, MOST))
@@ -51,13 +50,11 @@ impl Default for LoadEstimate {
 
 impl LoadEstimate {
     /// Returns the ratio of measured to predicted time, from 1 to [`MOST`].
-    #[must_use]
     pub fn ratio(&self) -> f64 {
         self.ratio
     }
 
     /// Returns an estimate with a recorded ratio.
-    #[must_use]
     pub fn with_ratio(ratio: f64) -> Self {
         Self { ratio: ratio.clamp(1.0, MOST), ..Self::default() }
     }

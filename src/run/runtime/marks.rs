@@ -45,7 +45,6 @@ pub struct FrameMarksEnd {
 }
 
 /// Returns a queue of marks.
-#[must_use]
 pub fn frame_marks() -> (FrameMarks, FrameMarksEnd) {
     let (queue, end) = bounded(QUEUE_MARKS);
     let lost = Arc::<AtomicU64>::default();
@@ -63,13 +62,11 @@ impl FrameMarks {
 
 impl FrameMarksEnd {
     /// Returns the oldest mark that waits.
-    #[must_use]
     pub fn take(&self) -> Option<FrameMark> {
         self.queue.try_recv().ok()
     }
 
     /// Returns the number of marks lost since the last call.
-    #[must_use]
     pub fn take_lost(&self) -> u64 {
         self.lost.swap(0, Ordering::Relaxed)
     }

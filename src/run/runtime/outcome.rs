@@ -26,7 +26,6 @@ pub struct RunOutcome {
 
 impl RunOutcome {
     /// Lists all losses: frames that a sink dropped or refused, sinks that could not be finished or failed, threads.
-    #[must_use]
     pub fn losses(&self) -> Losses {
         let mut losses = Losses::of_sinks(&sink_rows(&self.sinks));
         self.lost_threads.iter().for_each(|name| losses.note_thread(name));

@@ -42,7 +42,6 @@ pub struct OutsideTracker {
 impl OutsideTracker {
     /// Returns a tracker that is lost in space. It takes `delay` to process a frame, and its time tags are late by
     /// `tag_error`.
-    #[must_use]
     pub fn new(params: TrackerParams, guide: Arc<GuideStars>, delay: Span, tag_error: Span) -> Self {
         let waiting = VecDeque::with_capacity(WAITING_MAX);
         Self { tracker: Tracker::new(params, guide), delay, tag_error, orders: None, waiting, ready: None }
@@ -77,7 +76,6 @@ impl OutsideTracker {
     }
 
     /// Returns the newest output that is ready at `now`; `None` before the first.
-    #[must_use]
     pub fn output(&self, now: Tai) -> Option<TrackerOutput> {
         let waiting = self.waiting.iter().rev().find(|(ready_at, _)| *ready_at <= now);
         waiting.map(|(_, output)| *output).or(self.ready)

@@ -116,19 +116,16 @@ const TIME_MARGIN: f64 = 0.2;
 
 impl RunParams {
     /// Returns the seeds of the detector.
-    #[must_use]
     pub fn seeds(&self) -> Seeds {
         Seeds { sensor: self.seed, noise: self.noise_seed }
     }
 
     /// Prepares Earth, Sun and planets for the exposures of the run: takes milliseconds per day of the run.
-    #[must_use]
     pub fn almanac(&self) -> Almanac {
         Almanac::over(self.first_exposure, self.exposure_start(self.frames))
     }
 
     /// Returns the parameters of the run's scene.
-    #[must_use]
     pub fn scene<'a>(&'a self, almanac: &'a Almanac) -> SceneParams<'a> {
         SceneParams {
             camera: &self.camera,
@@ -150,33 +147,28 @@ impl RunParams {
 
     /// Returns the time in which a frame must be drawn, ms: its share of the readout time minus the detector's own time
     /// and a margin.
-    #[must_use]
     pub fn drawing_budget_ms(&self, cost: &CostModel) -> f64 {
         self.drawing_budget_under_ms(cost, 1.0)
     }
 
     /// Returns the same, in predicted time, on a machine on which drawing and detector take `load` times as long as
     /// predicted.
-    #[must_use]
     pub fn drawing_budget_under_ms(&self, cost: &CostModel, load: f64) -> f64 {
         self.drawing_budget_of_ms([1.0, self.camera.predicted_readout_ms(cost)], load)
     }
 
     /// Returns the same, ms, for a frame with this share of its rows read out and this detector time.
-    #[must_use]
     pub fn drawing_budget_of_ms(&self, [rows_share, detector_ms]: [f64; 2], load: f64) -> f64 {
         let share_ms = self.camera.readout_s * rows_share * 1e3 / f64::from(self.heads.max(1));
         (1.0 - TIME_MARGIN) * share_ms / load - detector_ms
     }
 
     /// Returns true when any target may be drawn.
-    #[must_use]
     pub fn has_targets(&self) -> bool {
         !self.targets.is_empty() || !self.sky_targets.is_empty()
     }
 
     /// Returns the first instant of frame `number`'s exposure.
-    #[must_use]
     pub fn exposure_start(&self, number: u32) -> Tai {
         self.first_exposure + Span::from_ns(self.frame_period.ns() * i64::from(number))
     }

@@ -117,7 +117,6 @@ impl PlantQueue {
     }
 
     /// Returns the instant of the next sample.
-    #[must_use]
     pub fn next_at(&self) -> Option<Tai> {
         self.waiting.first_key_value().map(|((at, _), _)| *at)
     }
@@ -129,19 +128,16 @@ impl PlantQueue {
     }
 
     /// Returns the number of parts that wait.
-    #[must_use]
     pub fn len(&self) -> usize {
         self.waiting.len()
     }
 
     /// Returns true when nothing waits.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.waiting.is_empty()
     }
 
     /// Returns the instant of the last attitude that waits.
-    #[must_use]
     pub fn last_attitude_at(&self) -> Option<Tai> {
         self.waiting.keys().rev().find(|(_, part)| *part == Part::Attitude).map(|(at, _)| *at)
     }

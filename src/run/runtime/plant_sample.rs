@@ -34,7 +34,6 @@ pub struct PlantAttitude {
 
 impl PlantSample {
     /// Returns an empty sample for an instant.
-    #[must_use]
     pub fn at(at: Tai) -> Self {
         Self { at, attitude: None, jitter_rad: None, observer: None }
     }

@@ -80,7 +80,6 @@ pub struct PortReading {
 
 impl PortReading {
     /// Reads the counters of a port.
-    #[must_use]
     pub fn of(port: &Port, queue_overflows: u64) -> Self {
         let mut rejects = [0; REASONS];
         for (count, (_, counted)) in rejects.iter_mut().zip(port.rejects().iter()) {
@@ -95,7 +94,6 @@ impl PortReading {
     }
 
     /// Returns the rejections of several ports together.
-    #[must_use]
     pub fn rejects_of_all(readings: &[Self]) -> [u32; REASONS] {
         core::array::from_fn(|i| readings.iter().fold(0_u32, |sum, reading| sum.saturating_add(reading.rejects[i])))
     }
@@ -117,7 +115,6 @@ impl PortReading {
     }
 
     /// Returns the number of messages that were refused, for whatever reason.
-    #[must_use]
     pub fn refused_messages(&self) -> u64 {
         self.refused() + self.rejects.iter().map(|count| u64::from(*count)).sum::<u64>()
     }
@@ -129,7 +126,6 @@ impl PortReading {
     }
 
     /// Returns all counts with their names, zeros included except those of plain messages.
-    #[must_use]
     pub fn named(&self) -> PortCounts {
         PortCounts {
             counters: ALL.into_iter().map(|count| count.name).zip(self.counts()).collect(),
@@ -191,7 +187,6 @@ impl SharedReading {
     }
 
     /// Returns the latest published reading.
-    #[must_use]
     pub fn read(&self) -> PortReading {
         let rejects = self.rejects.each_ref().map(|count| count.load(Ordering::Relaxed));
         let plain_rejects = self.plain_rejects.each_ref().map(|count| count.load(Ordering::Relaxed));

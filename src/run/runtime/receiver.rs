@@ -129,7 +129,6 @@ impl Receiver {
     }
 
     /// Returns the conversation with the flight computer.
-    #[must_use]
     pub fn session(&self) -> &Session {
         &self.session
     }
@@ -156,13 +155,11 @@ impl Receiver {
     }
 
     /// Returns the attitudes so far.
-    #[must_use]
     pub fn history(&self) -> &AttitudeHistory {
         &self.history
     }
 
     /// Returns the jitter so far.
-    #[must_use]
     pub fn jitter(&self) -> &JitterHistory {
         &self.jitter
     }
@@ -178,49 +175,41 @@ impl Receiver {
     }
 
     /// Returns the number of jitter samples that arrived after the exposure they belong to was drawn.
-    #[must_use]
     pub fn late_jitter(&self) -> u64 {
         self.late_jitter
     }
 
     /// Returns the time correlation.
-    #[must_use]
     pub fn clock(&self) -> &RemoteClock {
         &self.clock
     }
 
     /// Returns the counts of pulses per second so far.
-    #[must_use]
     pub fn pulses(&self) -> PulseCounts {
         self.pulses
     }
 
     /// Returns the parameters.
-    #[must_use]
     pub fn params(&self) -> &AttitudeParams {
         &self.params
     }
 
     /// Returns the number of messages taken in, all kinds.
-    #[must_use]
     pub fn messages(&self) -> u64 {
         self.messages.iter().sum()
     }
 
     /// Returns the number of messages taken in by each port, all kinds; ports beyond the last one share its counter.
-    #[must_use]
     pub fn messages_by_port(&self) -> [u64; PORTS_MAX] {
         self.messages
     }
 
     /// Returns the age at `at` of the newest attitude accepted.
-    #[must_use]
     pub fn age_at(&self, at: Tai) -> Option<Span> {
         self.newest_epoch.map(|epoch| at - epoch)
     }
 
     /// Returns the time from the arrival of the attitude accepted last to `at`.
-    #[must_use]
     pub fn arrival_age_at(&self, at: Tai) -> Option<Span> {
         self.newest_arrival.map(|arrival| at - arrival)
     }
@@ -283,7 +272,6 @@ impl Receiver {
 
     /// Returns the flight computer's time of an instant, us modulo 2^32, by the tags of the nearest attitudes: the time
     /// by which they were converted, even if the clock's estimate has moved since. `None` before the first attitude.
-    #[must_use]
     pub fn remote_us_at(&self, at: Tai) -> Option<u32> {
         let after = self.tags.partition_point(|(_, epoch)| *epoch <= at);
         let (t_us, epoch) = *self.tags.get(after.saturating_sub(1))?;

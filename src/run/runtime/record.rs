@@ -73,7 +73,6 @@ const _: () = assert!(EventKind::ALL.len() <= EVENTS_MAX);
 
 impl RunRecord {
     /// Returns a record that keeps the times of the last `frames` frames of each of `heads`.
-    #[must_use]
     pub fn with_ring(frames: usize, heads: usize) -> Self {
         Self { ring: FrameRing::with_capacity(frames, heads), ..Self::default() }
     }
@@ -148,7 +147,6 @@ impl RunRecord {
     }
 
     /// Returns a copy of counts and times so far for a watcher of the run, without allocation.
-    #[must_use]
     pub fn numbers(&self, frames_in_run: Option<u64>) -> RunNumbers {
         let events = EventKind::ALL.iter().map(|kind| (kind.name(), self.ledger.count(*kind))).collect();
         let newest = self.ledger.last().map(newest_event).collect();
@@ -171,19 +169,16 @@ impl RunRecord {
     }
 
     /// Returns the 99 % quantile of the time from release to delivery, ms.
-    #[must_use]
     pub fn p99_ms(&self) -> f64 {
         self.stages.of(Stage::ReleaseToDelivered).p99_ms
     }
 
     /// Returns every event that is kept, in words, in order.
-    #[must_use]
     pub fn kept_events(&self) -> Vec<EventLine> {
         self.ledger.kept().map(event_line).collect()
     }
 
     /// Returns the summary of the run (names of bench, clock and times are filled in by the caller).
-    #[must_use]
     pub fn summary(
         &self,
         engine: &FrameEngine,
@@ -300,7 +295,6 @@ fn reject_name(reason: Reject) -> String {
 }
 
 /// Returns the summary row of each sink.
-#[must_use]
 pub fn sink_rows(sinks: &[SinkLine]) -> Vec<SinkRow> {
     let row = |line: &SinkLine| SinkRow {
         place: line.place.clone(),

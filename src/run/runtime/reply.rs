@@ -75,7 +75,6 @@ impl Reply {
     }
 
     /// Returns the message sent instead of a frame when the stream has stopped and the policy is to send none.
-    #[must_use]
     pub fn stopped(&self, receiver: &Receiver, now: Tai) -> Message {
         Message::Status(self.state(StimulatorMode::Stopped, receiver, now))
     }

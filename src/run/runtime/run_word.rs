@@ -20,7 +20,6 @@ pub struct Missing {
 }
 
 /// Returns every kind of event that means that something is missing, with its limit.
-#[must_use]
 pub fn missing(limits: &RunLimits) -> [Missing; 10] {
     let never = |kind, words| Missing { kind, words, key: "", limit: None };
     [

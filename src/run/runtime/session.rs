@@ -77,7 +77,6 @@ pub struct Session {
 
 impl Session {
     /// Returns the state before the first message.
-    #[must_use]
     pub fn new(params: SessionParams) -> Self {
         let handshake = Handshake::new(DBC_CRC32, RATES).with_capabilities(CAPABILITIES);
         Self {
@@ -96,13 +95,11 @@ impl Session {
     }
 
     /// Returns the parameter tables in effect.
-    #[must_use]
     pub fn tables(&self) -> &TableStore {
         &self.tables
     }
 
     /// Returns the triggers taken in.
-    #[must_use]
     pub fn triggers(&self) -> &Triggers {
         &self.triggers
     }
@@ -113,7 +110,6 @@ impl Session {
     }
 
     /// Returns the camera commands taken in.
-    #[must_use]
     pub fn cameras(&self) -> &CameraIntake {
         &self.cameras
     }
@@ -134,7 +130,6 @@ impl Session {
     }
 
     /// Returns true when frames show the received attitude.
-    #[must_use]
     pub fn is_rendering(&self) -> bool {
         match self.params.start {
             SessionStart::AtOnce => !self.is_halted,
@@ -143,7 +138,6 @@ impl Session {
     }
 
     /// Returns what a frame counts as while the session is not running.
-    #[must_use]
     pub fn end_while_dark(&self) -> FrameEnd {
         match (self.has_rendered, self.is_halted_by_stop) {
             (false, _) => FrameEnd::BlankAtStart,

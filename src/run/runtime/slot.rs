@@ -37,7 +37,6 @@ pub enum Started {
 
 impl Started {
     /// Returns its name in files.
-    #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Rate => "rate",
@@ -48,7 +47,6 @@ impl Started {
 
 impl Slot {
     /// Returns the time from the trigger to the start of the exposure; zero for an exposure started by the frame rate.
-    #[must_use]
     pub fn trigger_delay(&self) -> Span {
         match self.started {
             Started::Rate => Span::ZERO,

@@ -181,13 +181,11 @@ impl Triggers {
     }
 
     /// Returns the number of waiting triggers.
-    #[must_use]
     pub fn waiting(&self) -> usize {
         self.waiting.len()
     }
 
     /// Returns the counts so far.
-    #[must_use]
     pub fn counts(&self) -> TriggerCounts {
         self.counts
     }

@@ -112,7 +112,6 @@ enum Next {
 
 impl VirtualLoop {
     /// Returns a loop at its start.
-    #[must_use]
     pub fn new(clock: Arc<Virtual>) -> Self {
         Self {
             clock,
@@ -131,13 +130,11 @@ impl VirtualLoop {
     }
 
     /// Returns the simulated time.
-    #[must_use]
     pub fn now(&self) -> Tai {
         self.clock.now()
     }
 
     /// Returns counts and events so far.
-    #[must_use]
     pub fn record(&self) -> &RunRecord {
         &self.record
     }
@@ -169,38 +166,32 @@ impl VirtualLoop {
     }
 
     /// Returns the tracker of a head beside an external plant, if it has one.
-    #[must_use]
     pub fn tracker(&self, head: usize) -> Option<&OutsideTracker> {
         self.trackers.get(head).and_then(Option::as_ref)
     }
 
     /// Returns the waiting samples of an external plant.
-    #[must_use]
     pub fn plant(&self) -> &PlantQueue {
         &self.plant
     }
 
     /// Returns whether `progress` ended the run.
-    #[must_use]
     pub fn is_stopped(&self) -> bool {
         self.stopped
     }
 
     /// Returns the number of frames drawn that have not gone out, and when the last of them will.
-    #[must_use]
     pub fn on_the_way(&self) -> (u64, Option<Tai>) {
         let last = self.pending.iter().map(|pending| pending.deliver_at).max();
         (self.pending.len() as u64, last)
     }
 
     /// Returns when the next drawn frame goes out.
-    #[must_use]
     pub fn next_out(&self) -> Option<Tai> {
         self.pending.iter().map(|pending| pending.deliver_at).min()
     }
 
     /// Returns whether every slot of every head has been drawn and every frame is out.
-    #[must_use]
     pub fn is_finished(&self, heads: &[Head<'_>]) -> bool {
         let drawn = |head: &Head<'_>| head.engine.exposing().next().is_over(self.clock.now());
         self.far_due.is_some() && self.pending.is_empty() && heads.iter().all(drawn)
@@ -251,7 +242,6 @@ impl VirtualLoop {
     }
 
     /// Returns the record, when the run is over; frames that are still on the way do not go out and end like this.
-    #[must_use]
     pub fn into_record(mut self, on_the_way: FrameEnd) -> RunRecord {
         for pending in &self.pending {
             self.record.frames.dropped += 1;

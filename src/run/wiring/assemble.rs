@@ -78,7 +78,6 @@ pub struct RunOptions<'a> {
 
 impl<'a> RunOptions<'a> {
     /// Returns options of a run on the virtual clock with these outputs and nothing else.
-    #[must_use]
     pub fn stepped(outputs: Outputs<'a>) -> Self {
         let (costs, hygiene, capture, live, steering) = (None, None, None, None, None);
         let (clock, is_controlled) = (RunClockKind::Virtual, false);
@@ -86,7 +85,6 @@ impl<'a> RunOptions<'a> {
     }
 
     /// Returns options of a run on the real clock with these outputs and nothing else.
-    #[must_use]
     pub fn real(outputs: Outputs<'a>) -> Self {
         Self { clock: RunClockKind::Real, ..Self::stepped(outputs) }
     }
@@ -267,37 +265,31 @@ impl Run {
     }
 
     /// Returns the scenario.
-    #[must_use]
     pub fn scenario(&self) -> &Scenario {
         &self.scenario
     }
 
     /// Returns the instants of the run.
-    #[must_use]
     pub fn times(&self) -> RunTimes {
         self.times
     }
 
     /// Returns the heads, the first one first; at least one.
-    #[must_use]
     pub fn heads(&self) -> &[RunHead] {
         &self.heads
     }
 
     /// Returns the number of frames of all heads in the whole run.
-    #[must_use]
     pub fn frames(&self) -> u64 {
         self.heads.iter().map(|head| u64::from(head.engine.params().frames)).sum()
     }
 
     /// Returns the destination of the live view's numbers, if there is a live view.
-    #[must_use]
     pub fn numbers(&self) -> Option<Numbers> {
         self.taps.live.as_ref().map(LiveTap::numbers)
     }
 
     /// Returns notes for the user to read before the run starts, a sentence each.
-    #[must_use]
     pub fn notes(&self) -> Vec<String> {
         let cable = self.cable.as_ref().map(Cable::notes).unwrap_or_default();
         let live = self.taps.live.as_ref().map(LiveTap::notes).unwrap_or_default();

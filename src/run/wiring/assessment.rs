@@ -112,7 +112,6 @@ pub struct Assessment {
 }
 
 /// Returns the name of a mode in files.
-#[must_use]
 pub fn mode_name(mode: Mode) -> &'static str {
     match mode {
         Mode::Safe => "safe",
@@ -126,7 +125,6 @@ pub fn mode_name(mode: Mode) -> &'static str {
 impl Assessment {
     /// Returns an assessment of the last `expect.window_s` before `end`; `sensor_from_body` is the first head's
     /// mounting.
-    #[must_use]
     pub fn new(expect: Expect, zero: Tai, end: Tai, sensor_from_body: glam::DQuat) -> Self {
         Self {
             zero,
@@ -210,7 +208,6 @@ impl Assessment {
     }
 
     /// Returns the time of the first exposure.
-    #[must_use]
     pub fn zero(&self) -> Tai {
         self.zero
     }
@@ -227,7 +224,6 @@ impl Assessment {
     }
 
     /// Returns the first expectation or invariant that is not met, in words.
-    #[must_use]
     pub fn first_failure(&self, predicted_arcsec: Option<f64>, record: &RunRecord) -> Option<String> {
         let failed = self.verdicts(predicted_arcsec, record).into_iter().find(|verdict| !verdict.passed);
         let failed = failed.map(|verdict| format!("{}: wanted {}, got {}", verdict.name, verdict.wanted, verdict.got));
@@ -235,13 +231,11 @@ impl Assessment {
     }
 
     /// Returns the number of frames that could not be compared with the truth.
-    #[must_use]
     pub fn frames_unchecked(&self) -> u64 {
         self.frames_unchecked
     }
 
     /// Returns the number of frames compared with the truth, and the largest distance from it, arcsec.
-    #[must_use]
     pub fn rendered(&self) -> (u64, f64) {
         (self.frames_held_to_truth, self.largest_rendered_rad / ARCSEC)
     }
@@ -254,44 +248,37 @@ impl Assessment {
     }
 
     /// Returns the commands that the flight computer refused.
-    #[must_use]
     pub fn refusals(&self) -> &[String] {
         &self.refusals
     }
 
     /// Returns the violated invariants so far: their number, and the first few in words.
-    #[must_use]
     pub fn violations(&self) -> (u64, &[String]) {
         (self.violations, &self.violation_lines)
     }
 
     /// Returns the mode changes so far (the first few).
-    #[must_use]
     pub fn mode_lines(&self) -> &[ModeLine] {
         &self.mode_lines
     }
 
     /// Returns the CRC-32 over every row's bytes.
-    #[must_use]
     pub fn telemetry_crc32(&self) -> u32 {
         self.telemetry_crc32.value()
     }
 
     /// Returns the number of rows so far.
-    #[must_use]
     pub fn rows(&self) -> u64 {
         self.rows
     }
 
     /// Returns the share of rows in which a head supplied an attitude.
-    #[must_use]
     pub fn tracker_availability(&self) -> f64 {
         self.solved_rows as f64 / self.rows.max(1) as f64
     }
 
     /// Returns the noise-equivalent angle across the boresight in the window according to the tracker's own covariance,
     /// rad.
-    #[must_use]
     pub fn nea_rad(&self) -> Option<f64> {
         let (sum, count) = self.tracker_variance;
         (count > 0).then(|| (sum / count as f64).sqrt())
@@ -299,51 +286,43 @@ impl Assessment {
 
     /// Returns the largest micro-vibration, arcsec, and the wheel speed at that time, in revolutions per second;
     /// `None` without vibration.
-    #[must_use]
     pub fn vibration(&self) -> Option<(f64, f64)> {
         let (vibration_rad, speed_rad_s) = self.vibration;
         (vibration_rad > 0.0).then(|| (vibration_rad / ARCSEC, speed_rad_s / core::f64::consts::TAU))
     }
 
     /// Returns the smallest angle between the monitored boresight and the Sun, rad.
-    #[must_use]
     pub fn least_sun_angle_rad(&self) -> Option<f64> {
         self.least_sun_angle_rad
     }
 
     /// Returns the time from the first exposure to fine pointing, s.
-    #[must_use]
     pub fn fine_after_s(&self) -> Option<f64> {
         self.first_fine.map(|at| (at - self.zero).s())
     }
 
     /// Returns the pointing errors in the window: from the true attitude to the target's.
-    #[must_use]
     pub fn pointing(&self) -> WindowErrors {
         window(&self.pointing)
     }
 
     /// Returns the knowledge errors in the window: from the true attitude to the estimated one.
-    #[must_use]
     pub fn knowledge(&self) -> WindowErrors {
         window(&self.knowledge)
     }
 
     /// Returns the time at which pointing was last off by more than `recovered_arcsec`.
-    #[must_use]
     pub fn last_off(&self) -> Tai {
         self.last_off
     }
 
     /// Returns true when the last row was on target.
-    #[must_use]
     pub fn is_on_target(&self) -> bool {
         self.last_boresight_rad <= self.expect.recovered_arcsec * ARCSEC
     }
 
     /// Returns the results of the expectations. `predicted_arcsec` is the boresight's rms error according to linear
     /// theory.
-    #[must_use]
     pub fn verdicts(&self, predicted_arcsec: Option<f64>, record: &RunRecord) -> Vec<Verdict> {
         let expect = &self.expect;
         let mut verdicts = Vec::new();

@@ -233,7 +233,6 @@ pub fn take_real_clock(params: &mut RunParams, bench: &Bench, measured: Option<C
 }
 
 /// Returns the backend that a bench or a user selects.
-#[must_use]
 pub fn backend_choice(backend: config::Backend) -> BackendChoice {
     match backend {
         config::Backend::Auto => BackendChoice::Auto,
@@ -313,7 +312,6 @@ fn observer(observer: &config::Observer, epoch: Tai) -> Result<Observer> {
 }
 
 /// Returns the session parameters of a bench.
-#[must_use]
 pub fn session_params(bench: &Bench) -> SessionParams {
     let start = match bench.session.start {
         config::SessionStart::AtOnce => SessionStart::AtOnce,
@@ -323,13 +321,11 @@ pub fn session_params(bench: &Bench) -> SessionParams {
 }
 
 /// Returns the bus between the simulated flight computer and the stimulator, and the format of its messages.
-#[must_use]
 pub fn bus(bench: &Bench) -> (BusParams, WireFormat) {
     bus_of(&bench.link)
 }
 
 /// Returns the simulated bus of a link, and the format of its messages.
-#[must_use]
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the config's bit rates are checked")]
 pub fn bus_of(link: &config::Link) -> (BusParams, WireFormat) {
     let (timing, format) = match link.wire {
@@ -347,7 +343,6 @@ pub fn bus_of(link: &config::Link) -> (BusParams, WireFormat) {
 
 /// Returns the simulated flight computer of a plant whose first exposure is at `zero`; without its own plant it keeps
 /// its attitude or slews as the bench demands.
-#[must_use]
 pub fn flight_computer_of(plant: &Plant, bench: &Bench, boot: Tai, zero: Tai) -> FlightComputerParams {
     let params = flight_computer(bench, boot);
     match plant {
@@ -357,7 +352,6 @@ pub fn flight_computer_of(plant: &Plant, bench: &Bench, boot: Tai, zero: Tai) ->
 }
 
 /// Returns the simulated flight computer that boots at `boot`.
-#[must_use]
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the config's rates are checked")]
 pub fn flight_computer(bench: &Bench, boot: Tai) -> FlightComputerParams {
     let settings = &bench.flight_computer;

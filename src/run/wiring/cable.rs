@@ -113,7 +113,6 @@ impl CableSetting<'_> {
 }
 
 /// Returns where external programs reach a bus, and which of its gateways other machines can reach.
-#[must_use]
 pub fn gateway_notes(gateways: &Gateways) -> Vec<String> {
     let addresses = gateways.addresses();
     let place =
@@ -126,7 +125,6 @@ pub fn gateway_notes(gateways: &Gateways) -> Vec<String> {
 }
 
 /// Returns the counters of gateways, for a summary.
-#[must_use]
 pub fn gateway_rows(gateways: &[Gateways]) -> Vec<GatewayRow> {
     let row = |((kind, address), (_, counters)): ((GatewayKind, GatewayAddress), (GatewayKind, GatewayCounters))| {
         let rejects = counters.rejects.iter().map(|(reason, count)| ((*reason).to_owned(), *count));
@@ -147,7 +145,6 @@ pub fn gateway_rows(gateways: &[Gateways]) -> Vec<GatewayRow> {
 }
 
 /// Returns the name of a gateway kind for reports.
-#[must_use]
 pub fn gateway_name(kind: GatewayKind) -> &'static str {
     match kind {
         GatewayKind::SlcanTcp => "slcan (TCP)",

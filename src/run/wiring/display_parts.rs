@@ -61,7 +61,6 @@ const SAME_ZERO_POINT: f64 = 1e-3;
 const MIDDLE_ROW: f64 = 0.5;
 
 /// Returns the display of a bench that is drawn for one: its first sink, calibrated.
-#[must_use]
 pub fn calibrated_display(bench: &Bench) -> Option<&DisplaySettings> {
     match bench.sinks.first().map(|settings| &settings.sink) {
         Some(Sink::Display(settings)) if settings.calibration.is_some() => Some(settings),
@@ -190,7 +189,6 @@ pub fn beat(bench: &Bench) -> Result<Option<Beat>> {
 }
 
 /// Returns the time from submit to light in the middle of the display: the bench's own value before the calibration's.
-#[must_use]
 pub fn latency(settings: &DisplaySettings, calibration: Option<&Calibration>) -> Option<Span> {
     let measured = || calibration?.latency.as_ref().map(|latency| latency.at_row(MIDDLE_ROW));
     settings.params.latency.or_else(measured)
@@ -213,7 +211,6 @@ fn brighter(light: &StarLight, times: f64) -> Result<StarLight> {
 
 /// Keeps every graphics card open while drivers of others are started, when a display of `sinks` uses direct
 /// scan-out: the first driver that opens a card keeps it. Unavailable cards are reported when the display opens.
-#[must_use]
 pub fn hold_cards(sinks: &[SinkSettings]) -> Vec<File> {
     let is_direct = |settings: &SinkSettings| match &settings.sink {
         Sink::Display(settings) => settings.params.direct_scanout.is_some(),

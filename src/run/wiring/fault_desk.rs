@@ -40,7 +40,6 @@ pub(super) struct Placed {
 
 impl FaultDesk {
     /// Returns the faults of a run whose first exposure is at `zero`; `mounting` is that of the first head.
-    #[must_use]
     pub(super) fn new(
         zero: Tai,
         mounting: Rotation<Sensor, Body>,
@@ -77,7 +76,6 @@ impl FaultDesk {
     }
 
     /// Returns every fault so far with its hits; `aboard` returns the hits of a fault aboard by its number.
-    #[must_use]
     pub(super) fn lines(&self, frames: Vec<&FrameFaults>, aboard: &dyn Fn(usize) -> u64) -> Vec<FaultLine> {
         let (to_stimulator, to_computer) = (&self.to_stimulator, &self.to_computer);
         self.log.lines(self.zero, &PlacesRead { to_stimulator, to_computer, frames, aboard })

@@ -48,7 +48,6 @@ const fn standard(number: u16) -> CanId {
 }
 
 /// Returns the events of `seed`.
-#[must_use]
 pub fn fault_schedule(seed: u64, limits: &ScheduleLimits) -> Vec<Event> {
     let mut draw = Draw { dice: StdRng::seed_from_u64(seed), wheels: limits.wheels, wheel_has_failed: false };
     let mut events = Vec::new();

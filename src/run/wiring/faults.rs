@@ -168,13 +168,11 @@ impl FaultLog {
     }
 
     /// Returns every fault so far.
-    #[must_use]
     pub fn faults(&self) -> &[LoggedFault] {
         &self.faults
     }
 
     /// Returns every fault in the form used by reports, its times counted from `zero`.
-    #[must_use]
     pub fn lines(&self, zero: Tai, places: &PlacesRead<'_>) -> Vec<FaultLine> {
         let after_zero_s = |at: Tai| if at == NEVER { f64::INFINITY } else { (at - zero).s() };
         let line = |fault: &LoggedFault| {
@@ -186,7 +184,6 @@ impl FaultLog {
     }
 
     /// Returns how often a fault hit: packets, frames, gyro samples.
-    #[must_use]
     pub fn hits(&self, fault: &LoggedFault, places: &PlacesRead<'_>) -> u64 {
         match &fault.place {
             Place::BusToStimulator(i) => places.to_stimulator.timed().get(*i).map_or(0, |timed| timed.hits),
@@ -206,7 +203,6 @@ impl LoggedFault {
     /// Returns the ledger event of the fault.
     ///
     /// `None` for faults of frames, which write their own events with the frame in which they start and end.
-    #[must_use]
     pub fn ledger_event(&self) -> Option<LedgerEvent> {
         let event = LedgerEvent::new(EventKind::Fault, self.from, None, self.until - self.from);
         (!matches!(self.place, Place::Frames(_))).then_some(LedgerEvent { what: self.name, ..event })

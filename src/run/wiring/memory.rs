@@ -86,7 +86,6 @@ pub struct MemoryError {
 
 impl RunMemory {
     /// Adds up a bench with these sinks. Every head counts as one with the largest camera of them.
-    #[must_use]
     pub fn of(bench: &Bench, sinks: &[SinkSettings], form: RunForm) -> Self {
         let pixels =
             |head: &Bench| u64::from(head.camera.detector.width_px) * u64::from(head.camera.detector.height_px);
@@ -101,7 +100,6 @@ impl RunMemory {
     }
 
     /// Adds up a bench with this many camera heads, as scenarios have.
-    #[must_use]
     pub fn of_heads(bench: &Bench, heads: usize, sinks: &[SinkSettings], form: RunForm) -> Self {
         let heads = heads.max(1) as u64;
         let mut memory = Self { parts: Vec::new() };
@@ -129,7 +127,6 @@ impl RunMemory {
     }
 
     /// Adds up one image of a camera, as `starloop render` draws it, from layers of stars or the built-in catalog.
-    #[must_use]
     pub fn of_image(camera: &Camera, is_reference: bool, layers_mb: Option<u32>) -> Self {
         let mut memory = Self { parts: Vec::new() };
         memory.add("program, tables and threads", FIXED_BYTES);
@@ -146,7 +143,6 @@ impl RunMemory {
     }
 
     /// Adds up cameras that draw single images side by side, `cameras` of them.
-    #[must_use]
     pub fn of_images(camera: &Camera, cameras: usize) -> Self {
         let mut memory = Self { parts: Vec::new() };
         memory.add("program, tables and threads", FIXED_BYTES);
@@ -157,7 +153,6 @@ impl RunMemory {
     }
 
     /// Adds up closed loops that are flown side by side on `threads` threads, at most `loops` of them, with no sinks.
-    #[must_use]
     pub fn of_loops(bench: &Bench, heads: usize, loops: usize, threads: usize) -> Self {
         let one = Self::of_heads(bench, heads, &[], RunForm { is_real: false, has_view: false });
         let side_by_side = loops.min(threads.saturating_mul(LOOPS_PER_THREAD)).max(1);
@@ -223,19 +218,16 @@ impl RunMemory {
     }
 
     /// Returns the parts, unordered.
-    #[must_use]
     pub fn parts(&self) -> &[MemoryPart] {
         &self.parts
     }
 
     /// Returns the sum, bytes.
-    #[must_use]
     pub fn total(&self) -> u64 {
         sum(self.parts.iter())
     }
 
     /// Returns the sum and its biggest parts in words.
-    #[must_use]
     pub fn in_words(&self) -> String {
         format!("{}: {}", size(self.total()), self.biggest())
     }

@@ -7,7 +7,6 @@ use plan::attitude::MotionScale;
 
 /// Returns the motion in the attitude records of a plant, as far as it is known before a run; for a file, from the
 /// differences of its rows.
-#[must_use]
 pub fn motion_scale(plant: &Plant, bench: &Bench) -> MotionScale {
     match plant {
         Plant::File(file) => {
@@ -20,7 +19,6 @@ pub fn motion_scale(plant: &Plant, bench: &Bench) -> MotionScale {
 
 /// Returns the peak of the scripted motion; a slew has ramps of half its length, `rate = peak (1 - cos(pi t / ramp)) /
 /// 2`.
-#[must_use]
 pub fn script_scale(bench: &Bench) -> MotionScale {
     if let Some(motion) = &bench.flight_computer.motion {
         return motion.scale();

@@ -181,7 +181,6 @@ fn serial_params(settings: &config::SerialPort, path: &Path, bit_rate: f64) -> S
 }
 
 /// Returns the reason why a bench cannot be run on the virtual clock, if there is one.
-#[must_use]
 pub fn needs_real_clock(bench: &Bench) -> Option<&'static str> {
     let has_gateways = |link: &Link| matches!(&link.carrier, Carrier::Simulated(gateway_ports) if *gateway_ports != GatewayPorts::default());
     let is_real = |link: &Link| !matches!(link.carrier, Carrier::Simulated(_));
@@ -199,7 +198,6 @@ pub fn needs_real_clock(bench: &Bench) -> Option<&'static str> {
 
 /// Returns the reason why the spacecraft of a bench cannot be moved, if there is one: its plant is external, no bus
 /// leads there, and the run is not controlled by a client that could send its attitudes.
-#[must_use]
 pub fn is_unreachable(bench: &Bench, is_controlled: bool) -> Option<&'static str> {
     let why = "link.kind is \"simulated\" without gateways, and the plant is outside: no other program can reach a bus inside this \
                program; wanted slcan_tcp, slcan_pty or socketcand, or a real bus, or --control ADDRESS, whose client sends the \

@@ -31,7 +31,6 @@ impl RunClock {
     }
 
     /// Returns the clock for callers that only read it.
-    #[must_use]
     pub fn shared(&self) -> Arc<dyn Clock> {
         match self {
             Self::Real(clock) => clock.clone(),

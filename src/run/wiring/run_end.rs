@@ -39,7 +39,6 @@ impl Flown {
     }
 
     /// Returns [`Self::predicted_pointing_rad`] in arcsec.
-    #[must_use]
     pub fn predicted_pointing_arcsec(&self) -> Option<f64> {
         self.predicted_pointing_rad.map(|rad| rad / ARCSEC)
     }
@@ -103,7 +102,6 @@ pub struct LoopView<'a> {
 
 impl RunEnd {
     /// Returns the results for a report.
-    #[must_use]
     pub fn view(&self) -> LoopView<'_> {
         LoopView {
             record: &self.record,
@@ -118,7 +116,6 @@ impl RunEnd {
     }
 
     /// Returns counts, times and events; names of bench and clock and the wall time are filled in by the caller.
-    #[must_use]
     pub fn summary(&self) -> RunSummary {
         let first = &self.heads[0];
         let shown = self.heads.iter().position(|head| head.is_shown).unwrap_or(0);
@@ -133,13 +130,11 @@ impl RunEnd {
     }
 
     /// Returns the end of each frame that the bench promised.
-    #[must_use]
     pub fn account(&self) -> FrameAccount {
         self.promise.account(&self.record, self.cut_short)
     }
 
     /// Returns the verdict: one word, and every reason for it.
-    #[must_use]
     pub fn verdict(&self) -> RunVerdict {
         let error = self.error.as_ref().map(ToString::to_string);
         let facts = Facts {
@@ -167,7 +162,6 @@ impl RunEnd {
     }
 
     /// Returns true when expectations and invariants are met.
-    #[must_use]
     pub fn holds(&self) -> bool {
         self.first_failure().is_none()
     }

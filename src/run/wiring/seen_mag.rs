@@ -23,13 +23,11 @@ const STEPS_PER_MAG: f64 = 10.0;
 const RANGE_MAG: [f64; 2] = [-2.0, 25.0];
 
 /// Returns the sensitivity of a camera for stars of the Sun's colour.
-#[must_use]
 pub fn sensitivity_for_suns(camera: &CameraParams) -> Sensitivity {
     Sensitivity::new(camera, &Conditions { bp_rp: SEEN_BP_RP, ..Conditions::default() })
 }
 
 /// Returns the G magnitude of the faintest star that the camera sees; `None` when it sees none.
-#[must_use]
 pub fn seen_mag(camera: &CameraParams) -> Option<f64> {
     sensitivity_for_suns(camera).limiting_mag(SEEN_SNR)
 }

@@ -48,7 +48,6 @@ pub struct Sensitivity {
 
 impl Sensitivity {
     /// Returns the sensitivity of a camera.
-    #[must_use]
     pub fn new(params: &CameraParams, conditions: &Conditions) -> Self {
         let detector = &params.detector;
         let exposure_s = conditions.exposure_s.unwrap_or(params.exposure_s);
@@ -70,25 +69,21 @@ impl Sensitivity {
     }
 
     /// Returns the electrons of a star.
-    #[must_use]
     pub fn electrons(&self, mag_g: f64) -> f64 {
         self.light.electrons(mag_g, self.bp_rp, self.exposure_s)
     }
 
     /// Returns the signal and noise of a star.
-    #[must_use]
     pub fn terms(&self, mag_g: f64) -> Terms {
         self.window.terms(self.electrons(mag_g), &self.pixel)
     }
 
     /// Returns the G magnitude at which the sum over the window has this SNR; `None` when no star does.
-    #[must_use]
     pub fn limiting_mag(&self, snr: f64) -> Option<f64> {
         self.mag_of(electrons_for_snr(snr, &self.window.noise(&self.pixel)))
     }
 
     /// Returns the G magnitude at which the optimally weighted sum has this SNR; `None` when no star does.
-    #[must_use]
     pub fn limiting_mag_optimal(&self, snr: f64) -> Option<f64> {
         // The optimal sum needs at most the electrons of the plain sum, and SNR rises with the star's light.
         let (mut faint_e, mut bright_e) = (0.0, electrons_for_snr(snr, &self.window.noise(&self.pixel)));
@@ -101,7 +96,6 @@ impl Sensitivity {
 
     /// Returns the G magnitude at which the brightest pixel is full; `None` when no star fills it, or it is full
     /// without one.
-    #[must_use]
     pub fn saturation_mag(&self) -> Option<f64> {
         self.mag_of(self.window.saturating_electrons(self.full_e, &self.pixel))
     }

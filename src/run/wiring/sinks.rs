@@ -19,7 +19,6 @@ use std::sync::Arc;
 
 /// Returns the directory of a run: `out` if given, which then contains at least the summary, else a `stamp` below the
 /// first directory that a sink names. `None` without either.
-#[must_use]
 pub fn run_directory(sinks: &[SinkSettings], out: Option<&Path>, stamp: &str) -> Option<PathBuf> {
     let mut keeping = sinks.iter().filter_map(|settings| match &settings.sink {
         Kind::Recorder { directory, .. } => Some(directory.as_deref()),
@@ -56,7 +55,6 @@ pub fn make_sinks(sinks: &[SinkSettings], setting: &SinkSetting<'_>) -> Result<B
 }
 
 /// Returns the directory for the files of one head: each of several heads has its own.
-#[must_use]
 pub fn directory_of_head(run: &Path, head: Option<usize>) -> PathBuf {
     head.map_or_else(|| run.to_path_buf(), |head| run.join(format!("head{head}")))
 }
@@ -177,7 +175,6 @@ fn iceoryx(service: &str, _slots: u32, _setting: &SinkSetting<'_>) -> Result<Box
 }
 
 /// Describes a sink in words.
-#[must_use]
 pub fn described(settings: &SinkSettings) -> String {
     let kind = settings.sink.kind();
     match &settings.sink {

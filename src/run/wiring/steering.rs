@@ -92,7 +92,6 @@ fn over(what: &str) -> LoopError {
 
 impl Steering {
     /// Returns the steering of a run that has not started; frames of its heads are kept in `newest`.
-    #[must_use]
     pub fn new(newest: NewestFrames) -> Self {
         let newest = Arc::new(Mutex::new(newest));
         Self { attached: Arc::default(), newest, injected: Arc::default(), last: Arc::default() }
@@ -131,7 +130,6 @@ impl Steering {
     }
 
     /// Returns the instants and counts of a run that is over.
-    #[must_use]
     pub fn ended(&self) -> Option<(RunTimes, RunNumbers)> {
         *lock(&self.last)
     }
@@ -142,7 +140,6 @@ impl Steering {
     }
 
     /// Returns true when the run has started; it may be over.
-    #[must_use]
     pub fn has_begun(&self) -> bool {
         lock(&self.attached).is_some() || self.ended().is_some()
     }
@@ -161,7 +158,6 @@ impl Steering {
     }
 
     /// Returns a copy of the newest frames; sinks only wait for the time of the copy.
-    #[must_use]
     pub fn newest(&self) -> NewestFrames {
         lock(&self.newest).clone()
     }

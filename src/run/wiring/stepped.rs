@@ -149,14 +149,12 @@ impl SteppedRun {
     }
 
     /// Returns true when the plant is external.
-    #[must_use]
     pub fn is_outside(&self) -> bool {
         self.is_outside
     }
 
     /// Returns the number of samples of an external plant that wait for their instants, and the instant of the last
     /// attitude among them.
-    #[must_use]
     pub fn plant_waiting(&self) -> (usize, Option<Tai>) {
         (self.going.plant().len(), self.going.plant().last_attitude_at())
     }
@@ -196,37 +194,31 @@ impl SteppedRun {
     }
 
     /// Returns the time from one frame to the next.
-    #[must_use]
     pub fn frame_period(&self) -> Span {
         self.params().frame_period
     }
 
     /// Returns the time of the first exposure, which is time zero of the scenario.
-    #[must_use]
     pub fn zero(&self) -> Tai {
         self.times.zero
     }
 
     /// Returns the end of the last frame's period.
-    #[must_use]
     pub fn end_at(&self) -> Tai {
         self.times.end
     }
 
     /// Returns the simulated time.
-    #[must_use]
     pub fn now(&self) -> Tai {
         self.going.now()
     }
 
     /// Returns counts and events so far.
-    #[must_use]
     pub fn record(&self) -> &RunRecord {
         self.going.record()
     }
 
     /// Returns every fault so far with the number of packets, frames or times it hit.
-    #[must_use]
     pub fn faults(&self) -> Vec<FaultLine> {
         let far = self.far.borrow();
         let frames = self.heads.iter().map(|head| &head.faults).collect();
@@ -248,19 +240,16 @@ impl SteppedRun {
     }
 
     /// Returns the mounting of the first head.
-    #[must_use]
     pub fn mounting(&self) -> Rotation<Sensor, Body> {
         self.mounting
     }
 
     /// Returns the mounting of a head; of the first one when the head does not exist.
-    #[must_use]
     pub fn mounting_of(&self, head: usize) -> Rotation<Sensor, Body> {
         self.heads.get(head).map_or(self.mounting, |head| head.mounting)
     }
 
     /// Returns when the next known frame goes out; `None` when there is none.
-    #[must_use]
     pub fn next_frame_out(&self) -> Option<Tai> {
         let next = self.heads[0].engine.exposing().next().slot().map(|slot| slot.due);
         self.going.next_out().into_iter().chain(next).min().filter(|at| *at > self.now())
@@ -268,7 +257,6 @@ impl SteppedRun {
 
     /// Returns the largest number of frames of the first head in the whole run: that of the frame rate, until its
     /// camera is commanded.
-    #[must_use]
     pub fn frames_at_most(&self) -> u64 {
         let engine = &self.heads[0].engine;
         if engine.exposing().is_commanded() { u64::MAX } else { u64::from(engine.params().frames) }
@@ -291,13 +279,11 @@ impl SteppedRun {
     }
 
     /// Returns the exposures of a head.
-    #[must_use]
     pub fn exposing(&self, head: usize) -> Option<&Exposing> {
         self.heads.get(head).map(|head| head.engine.exposing())
     }
 
     /// Returns true when the last frame is out.
-    #[must_use]
     pub fn is_finished(&self) -> bool {
         self.now() >= self.last_release() && self.going.on_the_way().0 == 0 && self.is_drawn()
     }
@@ -409,7 +395,6 @@ impl SteppedRun {
     }
 
     /// Ends the run, which `error` cut short if there is one: finishes the sinks, and sums up telemetry and invariants.
-    #[must_use]
     pub fn end(mut self, mut error: Option<LoopError>) -> RunEnd {
         self.outs.get_mut().finish();
         let faults = self.faults();

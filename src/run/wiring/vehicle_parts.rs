@@ -33,7 +33,6 @@ const GUIDE_STAR_MAG: f64 = 7.0;
 const LONGEST_SHARE: f64 = 0.9;
 
 /// Returns the vehicle that flies a scenario whose first exposure is at `first_exposure`.
-#[must_use]
 pub fn vehicle_params(scenario: &Scenario, flown: &Vehicle, first_exposure: Tai) -> VehicleParams {
     let head = scenario.bench.sensor_from_body;
     let body = |pointing: &Pointing| head.inverse() * attitude(pointing);
@@ -63,7 +62,6 @@ pub fn vehicle_params(scenario: &Scenario, flown: &Vehicle, first_exposure: Tai)
 }
 
 /// Returns the attitude of a head with this pointing.
-#[must_use]
 pub fn attitude(pointing: &Pointing) -> Rotation<base::axes::Sensor, Icrf> {
     sensor_from_ra_dec_roll(pointing.ra_deg * DEG, pointing.dec_deg * DEG, pointing.roll_deg * DEG)
 }
@@ -195,7 +193,6 @@ pub(super) fn camera_orders(commands: TrackerCommands, bench: &Bench) -> Option<
 }
 
 /// Returns the light of stars, and the noise of pixels without any, of one exposure of this camera; its sky is left out.
-#[must_use]
 pub fn exposed_light(camera: &Camera, params: &TrackerParams) -> ExposedLight {
     let exposure_s = camera.exposure.exposure_s;
     let pixels = camera.detector.params.spatial.binning.map_or(1.0, |binning| f64::from(binning.factor).powi(2));
@@ -209,7 +206,6 @@ pub fn exposed_light(camera: &Camera, params: &TrackerParams) -> ExposedLight {
 }
 
 /// Returns the parameters of a tracker behind this camera, as in its data sheet and calibration.
-#[must_use]
 pub fn tracker_params(camera: &Camera, most_stars: usize) -> TrackerParams {
     let (detector, optics, d) = (&camera.detector, &camera.optics, &camera.distortion);
     let focal_px = optics.focal_length_mm * 1e3 / detector.pixel_pitch_um;

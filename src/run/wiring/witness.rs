@@ -46,7 +46,6 @@ pub struct Witness {
 
 impl Witness {
     /// Returns a witness without observations.
-    #[must_use]
     pub fn new(scenario: &Scenario, heads: Vec<Rotation<Sensor, Body>>, zero: Tai, end: Tai) -> Self {
         let head = scenario.bench.sensor_from_body;
         Self {
@@ -60,7 +59,6 @@ impl Witness {
     }
 
     /// Returns the sums so far.
-    #[must_use]
     pub fn assessment(&self) -> &Assessment {
         &self.assessment
     }
@@ -134,7 +132,6 @@ impl Witness {
     }
 
     /// Checks the invariants that need the end of the run.
-    #[must_use]
     pub fn finish(mut self, record: &RunRecord, faults: &[FaultLine], now: Tai) -> Assessment {
         let now_s = (now - self.assessment.zero()).s();
         for fault in faults {

@@ -63,7 +63,6 @@ pub struct WcsMaker {
 
 impl WcsMaker {
     /// Fits the lens; returns `None` when a place is not imaged, or no polynomial is close enough.
-    #[must_use]
     pub fn new(camera: &CameraGeometry, output: &OutputGeometry) -> Option<Self> {
         let plane = ImagePlane { camera, output };
         let lens = Lens::fitted(&plane)?;
@@ -98,7 +97,6 @@ impl WcsMaker {
     }
 
     /// Returns the largest error of the lens's polynomials over the image, px.
-    #[must_use]
     pub fn lens_error_px(&self) -> f64 {
         let off = |place: &Place| {
             let wanted = place.sensor.truncate() / place.sensor.z;

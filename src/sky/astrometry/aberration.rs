@@ -19,21 +19,18 @@ pub struct Aberration {
 
 impl Aberration {
     /// Computes the aberration of an observer that moves at `velocity_km_s` (barycentric, slower than light).
-    #[must_use]
     pub fn of(velocity_km_s: DVec3) -> Self {
         let speed = velocity_km_s / SPEED_OF_LIGHT_KM_S;
         Self { speed, inverse_gamma: (1.0 - speed.length_squared()).sqrt() }
     }
 
     /// Returns the observer's velocity over the speed of light, ICRF axes.
-    #[must_use]
     pub fn beta(&self) -> DVec3 {
         self.speed
     }
 
     /// Returns the direction in which it sees light that one at rest sees in `direction_icrf`; unit vectors.
     #[inline]
-    #[must_use]
     pub fn aberrated(&self, direction_icrf: DVec3) -> DVec3 {
         let Self { speed, inverse_gamma } = *self;
         let along = 1.0 + direction_icrf.dot(speed) / (1.0 + inverse_gamma);
@@ -45,7 +42,6 @@ impl Aberration {
 impl Aberration {
     /// Returns the direction in which an observer at rest sees light that the moving one sees in `seen_icrf`: the same
     /// transformation with the velocity reversed, exactly.
-    #[must_use]
     pub fn undone(&self, seen_icrf: DVec3) -> DVec3 {
         Self { speed: -self.speed, ..*self }.aberrated(seen_icrf)
     }
@@ -53,7 +49,6 @@ impl Aberration {
 
 /// Returns the direction of light seen by an observer moving at `velocity_km_s` (barycentric, slower than light), where
 /// one at rest sees `direction_icrf`; unit vectors.
-#[must_use]
 pub fn aberrated(direction_icrf: DVec3, velocity_km_s: DVec3) -> DVec3 {
     Aberration::of(velocity_km_s).aberrated(direction_icrf)
 }

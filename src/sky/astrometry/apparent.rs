@@ -33,7 +33,6 @@ pub struct ApparentPlaces {
 
 impl ApparentPlaces {
     /// Prepares for sources of the catalog epoch `epoch_yr` (Julian year) as they are seen from `vantage` at `at`.
-    #[must_use]
     pub fn new(epoch_yr: f64, at: Tai, vantage: &Vantage) -> Self {
         let observer_km = vantage.observer.position_km;
         Self { years: years_since(epoch_yr, at), observer_km, sight: vantage.sight() }
@@ -42,7 +41,6 @@ impl ApparentPlaces {
     /// Returns the apparent direction, unit vector in ICRF axes, of what is in the direction `direction_icrf` (unit
     /// vector) at the catalog epoch; a motion or parallax of zero is none.
     #[inline]
-    #[must_use]
     pub fn place(&self, direction_icrf: DVec3, motion: ProperMotion, parallax_mas: f32) -> DVec3 {
         // Not of length 1: the parallax is that of the distance of then.
         let barycentric = moved_in_space(direction_icrf, motion, self.years);
@@ -50,7 +48,6 @@ impl ApparentPlaces {
     }
 
     /// Returns the same of a catalog source.
-    #[must_use]
     pub fn of(&self, source: &CatalogSource) -> DVec3 {
         let motion = source.proper_motion.unwrap_or_default();
         self.place(source.direction_icrf, motion, source.parallax_mas.unwrap_or(0.0))
@@ -59,13 +56,11 @@ impl ApparentPlaces {
 
 /// Returns how much wider than the field of view a catalog cone must be so that no star is missed that is seen in the
 /// field from `vantage`, or has moved into it since the catalog's epoch at `fastest_mas_yr` at most, rad.
-#[must_use]
 pub fn cone_margin_rad(epoch_yr: f64, fastest_mas_yr: f64, at: Tai, vantage: &Vantage) -> f64 {
     vantage.margin_rad() + years_since(epoch_yr, at).abs() * fastest_mas_yr * MAS
 }
 
 /// Returns the Julian years (TDB) from the catalog epoch `epoch_yr` (a Julian year such as 2016.0) to `at`.
-#[must_use]
 pub fn years_since(epoch_yr: f64, at: Tai) -> f64 {
     at.years_since_j2000() - (epoch_yr - J2000_YR)
 }

@@ -83,52 +83,44 @@ impl CameraGeometry {
     }
 
     /// Returns the parameters as given.
-    #[must_use]
     pub fn parameters(&self) -> &CameraParameters {
         &self.parameters
     }
 
     /// Returns the lens's distortion, by whichever model.
-    #[must_use]
     pub fn distortion(&self) -> &Distortion {
         &self.distortion
     }
 
     /// Columns.
-    #[must_use]
     pub fn width_px(&self) -> usize {
         self.parameters.width_px
     }
 
     /// Returns the number of rows.
-    #[must_use]
     pub fn height_px(&self) -> usize {
         self.parameters.height_px
     }
 
     /// Returns the angle of one pixel on the boresight, along columns and rows, rad.
-    #[must_use]
     pub fn ifov_rad(&self) -> [f64; 2] {
         self.parameters.focal_px.map(|focal_px| 1.0 / focal_px)
     }
 
     /// Returns the largest angle between the boresight and a corner of the image, rad: the radius of the cone that
     /// holds it.
-    #[must_use]
     pub fn half_diagonal_rad(&self) -> f64 {
         self.half_diagonal_rad
     }
 
     /// Returns the pixel coordinates of a direction (sensor axes, any length). `None` behind the camera, for a
     /// direction that is not finite, and beyond the domain of the distortion; pixels outside the image are given.
-    #[must_use]
     pub fn project(&self, v_sensor: DVec3) -> Option<[f64; 2]> {
         self.ideal(v_sensor).map(|ideal| self.pixel(self.distortion.distort(ideal)))
     }
 
     /// Returns the unit direction in sensor axes of a pixel position; `None` where no direction of the domain is
     /// imaged.
-    #[must_use]
     pub fn unproject(&self, px: [f64; 2]) -> Option<DVec3> {
         let ideal = self.tangent_of_pixel(px)?;
         Some(ideal.extend(1.0).normalize())
@@ -137,7 +129,6 @@ impl CameraGeometry {
     /// Returns the rate of the pixel position of a fixed star with the sensor's rotation: `[d x_px / d v, d y_px / d
     /// v]`, px/rad, `v` the rotation vector by which the sensor axes turn, in sensor axes (`Rotation::rotated_by`); the
     /// star's direction changes by -v x s. `None` as for [`Self::project`].
-    #[must_use]
     pub fn jacobian(&self, v_sensor: DVec3) -> Option<[[f64; 3]; 2]> {
         let ideal = self.ideal(v_sensor)?;
         let DVec2 { x, y } = ideal;
@@ -151,21 +142,18 @@ impl CameraGeometry {
 
     /// Tangents (X/Z, Y/Z) of a direction (sensor axes, any length); `None` as for [`Self::project`].
     #[inline]
-    #[must_use]
     pub fn tangent(&self, v_sensor: DVec3) -> Option<DVec2> {
         self.ideal(v_sensor)
     }
 
     /// Returns the pixel coordinates of tangents, distorted; does not check them against the domain.
     #[inline]
-    #[must_use]
     pub fn pixel_of_tangent(&self, tangent: DVec2) -> [f64; 2] {
         self.pixel(if self.is_distorted() { self.distortion.distort(tangent) } else { tangent })
     }
 
     /// Tangents of a pixel position; `None` where no direction of the domain is imaged.
     #[inline]
-    #[must_use]
     pub fn tangent_of_pixel(&self, px: [f64; 2]) -> Option<DVec2> {
         let p = &self.parameters;
         let distorted = DVec2::from_array([0, 1].map(|i| (px[i] - p.principal_point_px[i]) / p.focal_px[i]));
@@ -178,7 +166,6 @@ impl CameraGeometry {
 
     /// Returns the derivative of the pixel coordinates by the tangents, px: rows x and y.
     #[inline]
-    #[must_use]
     pub fn px_per_tangent(&self, tangent: DVec2) -> [[f64; 2]; 2] {
         let [fx, fy] = self.parameters.focal_px;
         if !self.is_distorted() {
@@ -189,14 +176,12 @@ impl CameraGeometry {
     }
 
     /// Returns the largest tangent of the angle to the boresight that is imaged.
-    #[must_use]
     pub fn largest_tangent(&self) -> f64 {
         self.domain.radius
     }
 
     /// Returns whether the lens distorts.
     #[inline]
-    #[must_use]
     pub fn is_distorted(&self) -> bool {
         self.is_distorted
     }
@@ -258,7 +243,6 @@ pub struct PixelPosition {
 
 impl PixelPosition {
     /// Splits pixel coordinates; `None` when not finite or beyond the range of `i32`.
-    #[must_use]
     pub fn split(px: [f64; 2]) -> Option<Self> {
         let (column, fraction_x) = split_one(px[0])?;
         let (row, fraction_y) = split_one(px[1])?;
@@ -266,7 +250,6 @@ impl PixelPosition {
     }
 
     /// Returns the whole position, px.
-    #[must_use]
     pub fn px(&self) -> [f64; 2] {
         [f64::from(self.column) + f64::from(self.fraction_x), f64::from(self.row) + f64::from(self.fraction_y)]
     }

@@ -30,7 +30,6 @@ pub struct Deflection {
 
 impl Deflection {
     /// Computes the deflection for an observer at `heliocentric_km` from the Sun's centre.
-    #[must_use]
     pub fn at(heliocentric_km: DVec3) -> Self {
         let distance_au = heliocentric_km.length() / AU_KM;
         Self {
@@ -42,7 +41,6 @@ impl Deflection {
 
     /// Returns the direction of light that came from `direction_icrf` (unit vector). Its length is 1 to 1e-10.
     #[inline]
-    #[must_use]
     pub fn deflected(&self, direction_icrf: DVec3) -> DVec3 {
         let away = direction_icrf.dot(self.away_from_sun);
         // u x (e x u) = e - u (u.e) for a unit vector.
@@ -53,7 +51,6 @@ impl Deflection {
 
 /// Returns the direction of light that came from `direction_icrf` (unit vector) at `heliocentric_km` from the Sun's
 /// centre.
-#[must_use]
 pub fn deflected(direction_icrf: DVec3, heliocentric_km: DVec3) -> DVec3 {
     Deflection::at(heliocentric_km).deflected(direction_icrf)
 }

@@ -45,7 +45,6 @@ pub struct BrownConrady {
 
 impl BrownConrady {
     /// Returns the distorted coordinates of ideal ones.
-    #[must_use]
     pub fn distort(&self, ideal: DVec2) -> DVec2 {
         let DVec2 { x, y } = ideal;
         let r2 = ideal.length_squared();
@@ -57,7 +56,6 @@ impl BrownConrady {
     }
 
     /// Returns the derivative of [`Self::distort`]; symmetric.
-    #[must_use]
     pub fn derivative(&self, ideal: DVec2) -> DMat2 {
         let DVec2 { x, y } = ideal;
         let r2 = ideal.length_squared();
@@ -94,7 +92,6 @@ pub enum Distortion {
 
 impl Distortion {
     /// Returns the distorted coordinates of ideal ones.
-    #[must_use]
     pub fn distort(&self, ideal: DVec2) -> DVec2 {
         match self {
             Self::BrownConrady(model) => model.distort(ideal),
@@ -103,7 +100,6 @@ impl Distortion {
     }
 
     /// Returns the derivative of [`Self::distort`]: columns by x and y.
-    #[must_use]
     pub fn derivative(&self, ideal: DVec2) -> DMat2 {
         match self {
             Self::BrownConrady(model) => model.derivative(ideal),
@@ -112,7 +108,6 @@ impl Distortion {
     }
 
     /// Returns whether it bends nothing.
-    #[must_use]
     pub fn is_none(&self) -> bool {
         match self {
             Self::BrownConrady(model) => *model == BrownConrady::default(),

@@ -53,7 +53,6 @@ impl PolynomialDistortion {
     }
 
     /// Returns the distorted coordinates of ideal ones.
-    #[must_use]
     pub fn distort(&self, ideal: DVec2) -> DVec2 {
         let (x, y) = (powers(ideal.x), powers(ideal.y));
         let bends = exponents().zip(&self.terms).map(|((i, j), term)| *term * (x[i] * y[j]));
@@ -61,7 +60,6 @@ impl PolynomialDistortion {
     }
 
     /// Returns the derivative of [`Self::distort`]: columns by x and y; not symmetric in general.
-    #[must_use]
     pub fn derivative(&self, ideal: DVec2) -> DMat2 {
         let (x, y) = (powers(ideal.x), powers(ideal.y));
         let mut columns = [DVec2::X, DVec2::Y];

@@ -10,7 +10,6 @@ use glam::DVec3;
 
 /// Returns the direction of a source from the barycentric position `observer_km`; unit vector. `direction_icrf` has the
 /// length of its distance in units of that at which it has `parallax_mas`.
-#[must_use]
 pub fn parallax_shifted(direction_icrf: DVec3, parallax_mas: f32, observer_km: DVec3) -> DVec3 {
     (direction_icrf - observer_km * (f64::from(parallax_mas) * MAS / AU_KM)).normalize()
 }

@@ -17,14 +17,12 @@ use glam::DVec3;
 
 /// Returns the direction `years` (Julian) after the epoch of `direction_icrf`, as seen from the barycentre; unit
 /// vector.
-#[must_use]
 pub fn at_epoch(direction_icrf: DVec3, motion: Option<ProperMotion>, years: f64) -> DVec3 {
     motion.map_or(direction_icrf, |motion| moved_in_space(direction_icrf, motion, years).normalize())
 }
 
 /// Returns the place `years` (Julian) after the epoch of `direction_icrf`, from the barycentre, in units of the
 /// distance at that epoch: its length says how much further away the star is.
-#[must_use]
 pub(super) fn moved_in_space(direction_icrf: DVec3, motion: ProperMotion, years: f64) -> DVec3 {
     let east = DVec3::new(-direction_icrf.y, direction_icrf.x, 0.0).normalize_or_zero();
     let north = direction_icrf.cross(east);

@@ -35,14 +35,12 @@ pub struct Sight {
 
 impl Sight {
     /// Returns the observer's velocity about the barycentre over the speed of light, ICRF axes.
-    #[must_use]
     pub fn observer_beta(&self) -> DVec3 {
         self.aberration.beta()
     }
 
     /// Returns an apparent direction, as [`Vantage::apparent`].
     #[inline]
-    #[must_use]
     pub fn apparent(&self, natural_icrf: DVec3) -> DVec3 {
         let arriving = self.deflection.map_or(natural_icrf, |deflection| deflection.deflected(natural_icrf));
         self.aberration.aberrated(arriving)
@@ -50,7 +48,6 @@ impl Sight {
 
     /// Returns the direction from the observer's place of what it sees in the direction `apparent_icrf`: without
     /// aberration and deflection. The inverse of [`Self::apparent`], to rounding, but behind the Sun's disc.
-    #[must_use]
     pub fn natural(&self, apparent_icrf: DVec3) -> DVec3 {
         let arriving = self.aberration.undone(apparent_icrf);
         let Some(deflection) = &self.deflection else { return arriving };
@@ -80,13 +77,11 @@ impl Vantage {
 
     /// Returns the direction in which the observer sees what is in the direction `natural_icrf` from its place; unit
     /// vectors. For many of them: [`Self::sight`].
-    #[must_use]
     pub fn apparent(&self, natural_icrf: DVec3) -> DVec3 {
         self.sight().apparent(natural_icrf)
     }
 
     /// Returns its effect on directions, computed once.
-    #[must_use]
     pub fn sight(&self) -> Sight {
         let deflection = self.heliocentric_km.map(Deflection::at);
         Sight { deflection, aberration: Aberration::of(self.observer.velocity_km_s) }
@@ -94,7 +89,6 @@ impl Vantage {
 
     /// Returns how far a star beside the Sun's disc may be seen from its barycentric direction, rad: parallax of the
     /// nearest, and deflection, and aberration, which turns no direction by more than asin(v / c).
-    #[must_use]
     pub fn margin_rad(&self) -> f64 {
         let BarycentricState { position_km, velocity_km_s } = self.observer;
         let parallax_rad = LARGEST_PARALLAX_RAD * position_km.length() / AU_KM;

@@ -37,7 +37,6 @@ pub enum Method {
 
 impl Method {
     /// Returns the method that serves on a day, TDB since J2000.
-    #[must_use]
     pub fn on_day(days: f64) -> Self {
         if (FIRST_DAY..LAST_DAY).contains(&days) && table().is_ok() { Self::Table } else { Self::Series }
     }

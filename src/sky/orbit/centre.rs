@@ -23,7 +23,6 @@ pub enum CentralBody {
 
 impl CentralBody {
     /// Returns the gravitational parameter, km^3/s^2.
-    #[must_use]
     pub fn gm_km3_s2(self) -> f64 {
         match self {
             Self::Earth => EARTH_GM_KM3_S2,
@@ -34,7 +33,6 @@ impl CentralBody {
 
     /// Returns the distance from the centre below which nothing can orbit, km: the Earth's polar radius (WGS 84), the
     /// Moon's mean radius, the Sun's nominal radius (IAU 2015 Resolution B3).
-    #[must_use]
     pub fn surface_km(self) -> f64 {
         match self {
             Self::Earth => 6_356.752,
@@ -47,7 +45,6 @@ impl CentralBody {
 impl CentralBody {
     /// Returns a speed above that of all that passes the body, km/s: of the Earth and the Moon that of the fastest bodies
     /// of the solar system, 72 km/s, and more; of the Sun the escape from its surface, 618 km/s, and more.
-    #[must_use]
     pub fn fastest_km_s(self) -> f64 {
         match self {
             Self::Earth | Self::Moon => 100.0,

@@ -59,7 +59,6 @@ impl CircularOrbit {
     }
 
     /// Returns the state from the geocentre at `at`.
-    #[must_use]
     pub fn geocentric_state(&self, at: Tai) -> BarycentricState {
         let turned_rad = (self.rate_rad_s * (at - self.epoch).s()).rem_euclid(TAU);
         let (sin_u, cos_u) = (self.latitude_argument_rad + turned_rad).sin_cos();
@@ -72,7 +71,6 @@ impl CircularOrbit {
     }
 
     /// Returns the time for one revolution, s.
-    #[must_use]
     pub fn period_s(&self) -> f64 {
         TAU / self.rate_rad_s
     }

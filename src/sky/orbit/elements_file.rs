@@ -12,7 +12,6 @@ const BYTE_ORDER_MARK: char = '\u{feff}';
 
 /// Returns whether a text is meant as elements: a message of mean elements, or lines that begin with 1 and 2, whatever
 /// else is wrong with them.
-#[must_use]
 pub fn is_elements(text: &str) -> bool {
     let text = text.trim_start_matches(BYTE_ORDER_MARK);
     let has_line = |number: char| text.lines().any(|line| is_line(number, line) && !line.contains(','));

@@ -155,20 +155,17 @@ impl TleOrbit {
     }
 
     /// Returns how far SGP4 usually errs at an instant, km and km/s: low orbits, by the days from the epoch.
-    #[must_use]
     pub fn usual_error(&self, at: Tai) -> [f64; 2] {
         let error_km = KM_PER_DAY * self.days_from_epoch(at).abs();
         [error_km, error_km * self.per_day * TAU / DAY_S]
     }
 
     /// Returns the number of the object in the elements.
-    #[must_use]
     pub fn norad_id(&self) -> u64 {
         self.norad_id
     }
 
     /// Days from the elements' epoch to `at`; positive after it.
-    #[must_use]
     pub fn days_from_epoch(&self, at: Tai) -> f64 {
         (at.unix_s() - self.epoch_unix_s) / DAY_S
     }

@@ -124,7 +124,6 @@ impl TwoBodyOrbit {
     }
 
     /// Returns the state from the central body at `at`. Does not allocate; about a microsecond.
-    #[must_use]
     pub fn state(&self, at: Tai) -> BarycentricState {
         let mut after_s = (at - self.epoch).s() + self.since_s;
         if let Some(period_s) = self.period_s() {
@@ -143,20 +142,17 @@ impl TwoBodyOrbit {
     }
 
     /// Returns the instant of the state or elements it was made of.
-    #[must_use]
     pub fn epoch(&self) -> Tai {
         self.epoch
     }
 
     /// Returns the time for one revolution, s; `None` on an open orbit.
-    #[must_use]
     pub fn period_s(&self) -> Option<f64> {
         let period_s = TAU / (self.gm_km3_s2 * self.alpha_per_km.powi(3)).sqrt();
         period_s.is_finite().then_some(period_s)
     }
 
     /// Returns the nearest distance from the centre on the whole orbit, km.
-    #[must_use]
     pub fn periapsis_km(&self) -> f64 {
         let parameter_km = self.position_km.cross(self.velocity_km_s).length_squared() / self.gm_km3_s2;
         let eccentricity = (1.0 - parameter_km * self.alpha_per_km).max(0.0).sqrt();
@@ -164,7 +160,6 @@ impl TwoBodyOrbit {
     }
 
     /// Returns the greatest speed on the whole orbit, km/s.
-    #[must_use]
     pub fn fastest_km_s(&self) -> f64 {
         (self.gm_km3_s2 * (2.0 / self.periapsis_km() - self.alpha_per_km).max(0.0)).sqrt()
     }

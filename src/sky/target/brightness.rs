@@ -50,7 +50,6 @@ pub enum Brightness {
 
 impl Brightness {
     /// Returns the magnitude in full sunlight at `range_km`, where the Sun is `sun_km` from the target.
-    #[must_use]
     pub fn mag_g(&self, range_km: f64, phase_rad: f64, sun_km: f64) -> f64 {
         let from_thousand = 5.0 * (range_km / STANDARD_RANGE_KM).log10() + 5.0 * (sun_km / AU_KM).log10();
         match self {
@@ -68,7 +67,6 @@ impl Brightness {
 }
 
 /// Returns the light of a diffuse sphere over that at phase 0: `(sin p + (pi - p) cos p) / pi`.
-#[must_use]
 pub fn sphere_phase(phase_rad: f64) -> f64 {
     // Rounding may bring it below 0 where it ends.
     ((phase_rad.sin() + (PI - phase_rad) * phase_rad.cos()) / PI).max(0.0)

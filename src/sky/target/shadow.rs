@@ -29,7 +29,6 @@ pub enum Sunlight {
 
 impl Sunlight {
     /// Returns the kind of light for a share of the Sun's light.
-    #[must_use]
     pub fn of_share(share: f64) -> Self {
         if share >= 1.0 {
             Self::Full
@@ -41,7 +40,6 @@ impl Sunlight {
     }
 
     /// Returns its word in tables.
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Full => "sunlit",
@@ -58,7 +56,6 @@ fn rounded(geocentric_km: DVec3) -> DVec3 {
 
 /// Returns the share of the Sun's disc that a target at `target_km` sees past the Earth, 0 to 1; both from the
 /// geocentre, km.
-#[must_use]
 pub fn sunlight(target_km: DVec3, sun_km: DVec3) -> f64 {
     let (target, sun) = (rounded(target_km), rounded(sun_km));
     let (to_sun, to_earth) = (sun - target, -target);
@@ -86,7 +83,6 @@ fn covered_share(a: f64, b: f64, c: f64) -> f64 {
 
 /// Returns how far above the limb the line of sight from `observer_km` to `target_km` passes, km (from the geocentre,
 /// both); negative when the Earth is between. An observer inside the Earth, as at its centre, sees through it.
-#[must_use]
 pub fn limb_clearance_km(observer_km: DVec3, target_km: DVec3) -> f64 {
     let (observer, target) = (rounded(observer_km), rounded(target_km));
     if observer.length() < EARTH_RADIUS_KM {

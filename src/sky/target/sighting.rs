@@ -88,33 +88,28 @@ impl Sighting {
     }
 
     /// Returns the distance, km.
-    #[must_use]
     pub fn range_km(&self) -> f64 {
         self.from_observer_km.length()
     }
 
     /// Returns how fast the distance grows, km/s.
-    #[must_use]
     pub fn range_rate_km_s(&self) -> f64 {
         self.velocity_km_s().dot(self.from_observer_km.normalize())
     }
 
     /// Returns how fast the direction turns with respect to the stars, rad/s.
-    #[must_use]
     pub fn rate_rad_s(&self) -> f64 {
         let from = self.from_observer_km;
         from.cross(self.velocity_km_s()).length() / from.length_squared()
     }
 
     /// Returns the velocity from the observer, km/s.
-    #[must_use]
     pub fn velocity_km_s(&self) -> DVec3 {
         self.target.velocity_km_s - self.observer.velocity_km_s
     }
 
     /// Returns the angle at the target between the Sun (`sun_km` from the geocentre) and the observer, rad: 0 when it
     /// is lit as a full moon is.
-    #[must_use]
     pub fn phase_rad(&self, sun_km: DVec3) -> f64 {
         (sun_km - self.target.position_km).angle_between(-self.from_observer_km)
     }

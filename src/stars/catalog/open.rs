@@ -79,13 +79,11 @@ impl Catalog {
     }
 
     /// Returns its facts and tiles.
-    #[must_use]
     pub fn index(&self) -> &StarIndex {
         &self.index
     }
 
     /// Returns all sources; a source's `id` is its place here.
-    #[must_use]
     pub fn sources(&self) -> &[CatalogSource] {
         &self.sources
     }

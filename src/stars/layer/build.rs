@@ -130,14 +130,12 @@ impl Sorting {
     }
 
     /// Credits that the origins of the stars ask for.
-    #[must_use]
     pub fn credits(&self) -> String {
         credits_of(&self.progress.origins)
     }
 
     /// Returns whether an earlier import into the folder `work` has begun to write its layers into `out`: those that
     /// are there may be its own, and it goes on.
-    #[must_use]
     pub fn is_finishing(work: &Path, out: &Path) -> bool {
         let progress = read_bytes(&work.join(PROGRESS), DATA_BYTES)
             .ok()
@@ -257,13 +255,11 @@ impl Sorting {
     }
 
     /// Returns where the faintest layer ends, mag: stars from there on are not taken.
-    #[must_use]
     pub fn faint_end_mag(&self) -> f64 {
         self.progress.limits_mag.last().map_or(f64::NEG_INFINITY, |limit| f64::from(*limit))
     }
 
     /// Returns the counts of stars so far.
-    #[must_use]
     pub fn counts(&self) -> StarCounts {
         self.progress.counts
     }
@@ -412,7 +408,6 @@ fn is_ours(path: &Path) -> bool {
 }
 
 /// Returns the file of a layer to this magnitude.
-#[must_use]
 pub fn layer_name(limit_mag: f32) -> String {
     format!("g{limit_mag}.starlayer")
 }

@@ -73,13 +73,11 @@ const REACH: f64 = 1.25;
 const COORDINATE_STEPS: f64 = 16_777_216.0;
 
 /// Returns tiles of the sphere at an order.
-#[must_use]
 pub fn tiles_of(order: u8) -> usize {
     12 << (2 * order)
 }
 
 /// Returns the order at which so many stars make tiles of a handy size.
-#[must_use]
 pub fn order_for(stars: u64) -> u8 {
     let enough = |order: &u8| tiles_of(*order) as u64 * STARS_PER_TILE >= stars;
     (LEAST_ORDER..MOST_ORDER).find(enough).unwrap_or(MOST_ORDER)
@@ -184,7 +182,6 @@ impl StarRecord {
 }
 
 /// Returns a proper motion in stored steps: 0.05 mas/yr up to 1.4 arcsec/yr, 2.5 mas/yr beyond.
-#[must_use]
 #[allow(clippy::cast_possible_truncation, reason = "float-to-int casts saturate")]
 pub(super) fn motion_steps(mas_yr: f64) -> i16 {
     let slow = mas_yr.abs() / SLOW_STEP_MAS_YR;
@@ -193,7 +190,6 @@ pub(super) fn motion_steps(mas_yr: f64) -> i16 {
 }
 
 /// Returns the motion of steps, mas/yr.
-#[must_use]
 pub(super) fn motion_mas_yr(steps: i16) -> f64 {
     let size = f64::from(steps).abs();
     let mas_yr = size.min(SLOW_STEPS) * SLOW_STEP_MAS_YR + (size - SLOW_STEPS).max(0.0) * FAST_STEP_MAS_YR;

@@ -33,7 +33,6 @@ const MOST_PACKED: u64 = 64;
 /// Shorter files may pack better: their head is mostly zeros.
 const LEAST_HOLES_BYTES: u64 = 16 << 20;
 /// Returns whether a file begins as a layer does. A file that cannot be read does not.
-#[must_use]
 pub fn is_layer(path: &Path) -> bool {
     let mut magic = [0; MAGIC.len()];
     path.is_file() && File::open(path).and_then(|file| read_at(&file, 0, &mut magic)).is_ok() && magic == MAGIC
@@ -146,13 +145,11 @@ impl Layer {
     }
 
     /// Returns its file.
-    #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
 
     /// Returns its facts and tiles.
-    #[must_use]
     pub fn index(&self) -> &StarIndex {
         &self.index
     }

@@ -81,7 +81,6 @@ impl LayerSet {
     }
 
     /// Returns the stars of a catalog in memory, those not fainter than `limiting_mag` (Gaia G).
-    #[must_use]
     pub fn of_catalog(catalog: Catalog, limiting_mag: f32) -> Self {
         Self::of(vec![Part::Memory(catalog)], limiting_mag)
     }
@@ -103,13 +102,11 @@ impl LayerSet {
     }
 
     /// Returns true when no file has to be read for a star.
-    #[must_use]
     pub fn is_in_memory(&self) -> bool {
         self.parts.iter().all(|part| matches!(part, Part::Memory(_)))
     }
 
     /// Magnitudes from which stars are there (minus infinity: no bright star is missing), and below which all are.
-    #[must_use]
     pub fn magnitudes(&self) -> [f32; 2] {
         let (from, below) = (self.layers().next(), self.layers().last());
         [from.map_or(f32::INFINITY, |index| index.magnitudes[0]), below.map_or(f32::MIN, |index| index.magnitudes[1])]
@@ -117,7 +114,6 @@ impl LayerSet {
 
     /// Returns the magnitude below which a field of this radius has no more than `most_stars` stars, wherever it is: the
     /// end of the last layer with which the field about its densest tile has no more. The brightest layer always counts.
-    #[must_use]
     pub fn faintest_of_fields(&self, radius_rad: f64, most_stars: u64) -> f32 {
         let fits = |layers: &usize| self.stars_of_densest_field(*layers, radius_rad) <= most_stars;
         let fitting = (1..=self.parts.len()).rev().find(fits).unwrap_or(1);
@@ -138,13 +134,11 @@ impl LayerSet {
     }
 
     /// Returns the Julian year to which the positions refer.
-    #[must_use]
     pub fn epoch_yr(&self) -> f64 {
         self.layers().next().map_or(f64::NAN, |index| index.epoch_yr)
     }
 
     /// Returns a proper motion that no star exceeds, mas/yr.
-    #[must_use]
     pub fn fastest_mas_yr(&self) -> f64 {
         self.layers().map(|index| index.fastest_mas_yr).fold(0.0, f64::max)
     }
@@ -162,7 +156,6 @@ impl LayerSet {
     }
 
     /// Returns stars of a tile, those too faint among them.
-    #[must_use]
     pub fn stars_of(&self, tile: TileId) -> u64 {
         self.parts[usize::from(tile.layer)].index().stars_of_tile(u64::from(tile.tile))
     }
@@ -184,7 +177,6 @@ impl LayerSet {
 
     /// Returns where the star with this `id` is: its tile, and its place in it. In skies of more than 2^32 stars `id`s
     /// come twice: the star found may be another one of the same `id`.
-    #[must_use]
     pub fn place_of(&self, id: u32) -> Option<(TileId, usize)> {
         let number = self.first_ids.partition_point(|first| *first <= id).checked_sub(1)?;
         let (index, place) = (self.parts[number].index(), u64::from(id - self.first_ids[number]));
@@ -194,7 +186,6 @@ impl LayerSet {
     }
 
     /// Returns the name in its source catalog of a star of a layer, by its stored number.
-    #[must_use]
     pub fn source_id(&self, layer: u8, number: i64) -> Option<SourceId> {
         self.parts[usize::from(layer)].index().source_id(number)
     }

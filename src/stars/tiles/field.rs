@@ -48,7 +48,6 @@ pub struct TileSky {
 
 impl TileSky {
     /// Returns stars of `layers` by their `light`, at most so many in memory.
-    #[must_use]
     pub fn new(layers: Arc<LayerSet>, light: Light, most_stars: u64) -> Self {
         let decoder = Some(Decoder::new(Arc::clone(&layers), light));
         let [tiles, ahead] = [(); 2].map(|()| Vec::with_capacity(TILES_RESERVED));
@@ -83,7 +82,6 @@ impl TileSky {
     }
 
     /// Returns the layers.
-    #[must_use]
     pub fn layers(&self) -> &LayerSet {
         &self.layers
     }
@@ -103,7 +101,6 @@ impl TileSky {
     }
 
     /// Returns true when the thread that reads has broken down: tiles that are not in memory stay missing.
-    #[must_use]
     pub fn has_lost_reader(&self) -> bool {
         self.reader.as_ref().is_some_and(Reader::is_lost)
     }
@@ -294,14 +291,12 @@ impl TileSky {
     }
 
     /// Returns one of these blocks.
-    #[must_use]
     pub fn block(&self, number: usize) -> &[TileStar] {
         self.store.stars(self.slots[number])
     }
 
     /// Returns the name in its source catalog of a star of the field, by its `id`; `None` when it has none, or is not
     /// in memory.
-    #[must_use]
     pub fn source_id(&self, id: u32) -> Option<SourceId> {
         let (tile, place) = self.layers.place_of(id)?;
         let Some(Place::Held(slot)) = self.store.place(tile) else { return None };

@@ -20,7 +20,6 @@ pub enum Type {
 
 impl Type {
     /// Its bytes.
-    #[must_use]
     pub fn bytes(self) -> u8 {
         match self {
             Self::U8 => 1,
@@ -45,7 +44,6 @@ pub enum Access {
 
 impl Access {
     /// Its word in EDS files.
-    #[must_use]
     pub fn word(self) -> &'static str {
         match self {
             Self::ReadOnly => "ro",
@@ -158,20 +156,17 @@ pub const ENTRIES: [Entry; 30] = [
 ];
 
 /// Returns an entry of the table or of the PDOs.
-#[must_use]
 pub fn find(index: u16, sub: u8) -> Option<Entry> {
     let known = ENTRIES.iter().find(|entry| (entry.index, entry.sub) == (index, sub)).copied();
     known.or_else(|| pdo_entries().into_iter().find(|entry| (entry.index, entry.sub) == (index, sub)))
 }
 
 /// Returns true when there is an object of this index, whatever its sub-index.
-#[must_use]
 pub fn has_index(index: u16) -> bool {
     find(index, 0).is_some()
 }
 
 /// Entries of the communication parameters and mappings of the transmit PDOs.
-#[must_use]
 pub fn pdo_entries() -> Vec<Entry> {
     const COMMUNICATION: [&str; 4] = ["TPDO1 parameter", "TPDO2 parameter", "TPDO3 parameter", "TPDO4 parameter"];
     const OF_MAPPING: [&str; 4] = ["TPDO1 mapping", "TPDO2 mapping", "TPDO3 mapping", "TPDO4 mapping"];
@@ -194,7 +189,6 @@ pub fn pdo_entries() -> Vec<Entry> {
 }
 
 /// Returns the word of a mapping: index, sub-index, bits.
-#[must_use]
 pub fn mapping_word(pdo: usize, place: usize) -> Option<u32> {
     let (index, sub) = *MAPPED.get(pdo)?.get(place)?;
     let bits = u32::from(find(index, sub)?.kind.bytes()) * 8;

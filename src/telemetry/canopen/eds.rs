@@ -17,7 +17,6 @@ const HEAD: &str = "[FileInfo]\nFileName=starloop_tracker.eds\nFileVersion=1\nFi
     Dummy0006=0\nDummy0007=0\n";
 
 /// Returns the text of the file.
-#[must_use]
 pub fn text() -> String {
     let mut objects: BTreeMap<u16, Vec<Entry>> = BTreeMap::new();
     for entry in ENTRIES.iter().copied().chain(pdo_entries()) {

@@ -95,7 +95,6 @@ pub struct NodeParams {
 
 impl CanOpenDevice {
     /// Returns a node that has not been switched on; `exposure_s` is its camera's.
-    #[must_use]
     #[allow(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,

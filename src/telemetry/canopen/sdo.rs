@@ -66,20 +66,17 @@ pub fn read(data: [u8; 8]) -> Result<Request, Abort> {
 }
 
 /// The answer to a read.
-#[must_use]
 pub fn value(entry: &Entry, value: [u8; 4]) -> [u8; 8] {
     let command = 0x43 | ((4 - entry.kind.bytes()) << 2);
     with_place(command, entry.index, entry.sub, value)
 }
 
 /// The answer to a write.
-#[must_use]
 pub fn written(entry: &Entry) -> [u8; 8] {
     with_place(0x60, entry.index, entry.sub, [0; 4])
 }
 
 /// The answer to a request that is aborted.
-#[must_use]
 pub fn aborted(request: [u8; 8], abort: Abort) -> [u8; 8] {
     let [_, low, high, sub, ..] = request;
     with_place(0x80, u16::from_le_bytes([low, high]), sub, (abort as u32).to_le_bytes())

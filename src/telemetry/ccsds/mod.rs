@@ -69,7 +69,6 @@ pub struct CcsdsDevice {
 
 impl CcsdsDevice {
     /// Returns a tracker with an application process number of 11 bits.
-    #[must_use]
     pub fn new(apid: u16, sense: Sense, limits: Limits) -> Self {
         let (count, type_counts, stream) = (0, BTreeMap::new(), Vec::new());
         let (continuity, newest, answered) = (Continuity::default(), None, Answered::default());

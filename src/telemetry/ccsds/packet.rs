@@ -36,7 +36,6 @@ const CUC_TAI: u8 = 0x1F;
 const S_1958_TO_1970: i64 = 4383 * 86_400;
 
 /// Time as a CUC code with its P-field: seconds since 1958-01-01 TAI, and 2^-24 of a second.
-#[must_use]
 pub fn cuc(at: Tai) -> [u8; 8] {
     let seconds = at.ns().div_euclid(NS_PER_S) + S_1958_TO_1970;
     let fraction = (at.ns().rem_euclid(NS_PER_S) << 24) / NS_PER_S;
@@ -46,7 +45,6 @@ pub fn cuc(at: Tai) -> [u8; 8] {
 }
 
 /// The instant of such a code; `None` for a code of another kind.
-#[must_use]
 pub fn tai_of_cuc(code: [u8; 8]) -> Option<Tai> {
     let [CUC_TAI, a, b, c, d, e, f, g] = code else { return None };
     let seconds = i64::from(u32::from_be_bytes([a, b, c, d])) - S_1958_TO_1970;
@@ -75,7 +73,6 @@ pub struct Telemetry<'a> {
 
 impl Telemetry<'_> {
     /// Returns the packet's octets.
-    #[must_use]
     pub fn encode(&self) -> Vec<u8> {
         let field = TM_SECONDARY + self.time.len() + self.data.len() + CRC;
         let mut packet = Vec::with_capacity(PRIMARY + field);

@@ -26,7 +26,6 @@ pub struct CanOpenReader {
 
 impl CanOpenReader {
     /// Makes a reader of this node, whose quaternions are in this sense.
-    #[must_use]
     pub fn new(node: u8, sense: Sense) -> Self {
         Self { node, sense, begun: None, damaged: 0 }
     }

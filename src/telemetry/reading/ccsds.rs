@@ -21,7 +21,6 @@ pub struct CcsdsReader {
 
 impl CcsdsReader {
     /// Makes a reader of quaternions in this sense.
-    #[must_use]
     pub fn new(sense: Sense) -> Self {
         Self { sense, stream: Vec::new(), is_out_of_step: false, damaged: 0 }
     }

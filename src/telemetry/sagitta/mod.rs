@@ -61,7 +61,6 @@ pub struct SagittaDevice {
 
 impl SagittaDevice {
     /// Returns a tracker that has booted; `exposure_s` is its camera's.
-    #[must_use]
     pub fn new(limits: Limits, exposure_s: f64) -> Self {
         let (mut subscribed, mut camera) = ([0; SUBSCRIBED], [0; CAMERA_BYTES]);
         subscribed[..2].copy_from_slice(&[SOLUTION, TEMPERATURE]);

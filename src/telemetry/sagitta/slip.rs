@@ -15,7 +15,6 @@ const HASH_BYTES: usize = 4;
 pub const FRAME_MAX: usize = 512;
 
 /// Returns the bytes on the line of a frame without its hash.
-#[must_use]
 pub fn encode(content: &[u8]) -> Vec<u8> {
     let hash = xxh32(content, SEED).to_le_bytes();
     let mut line = vec![END];

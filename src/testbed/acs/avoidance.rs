@@ -41,13 +41,11 @@ fn angle_between(a: DVec3, b: DVec3) -> f64 {
 
 impl KeepOut {
     /// Returns the angle between boresight and Sun, rad.
-    #[must_use]
     pub fn sun_angle_rad(&self, body_from_icrf: &Rotation<Body, Icrf>, sun_icrf: DVec3) -> f64 {
         angle_between(self.boresight_icrf(body_from_icrf), sun_icrf)
     }
 
     /// Returns the smallest angle between boresight and Sun during one turn, rad, in closed form.
-    #[must_use]
     pub fn closest_approach_rad(&self, leg: &Leg, sun_icrf: DVec3) -> f64 {
         let axis = leg.start().inverse().apply(leg.axis_body());
         let (b, sun) = (self.boresight_icrf(&leg.start()), sun_icrf.normalize_or_zero());
@@ -62,14 +60,12 @@ impl KeepOut {
     }
 
     /// Returns the smallest angle between boresight and Sun during a path, rad.
-    #[must_use]
     pub fn closest_approach_of_path_rad(&self, path: &SlewPath, sun_icrf: DVec3) -> f64 {
         path.legs().iter().map(|leg| self.closest_approach_rad(leg, sun_icrf)).fold(PI, f64::min)
     }
 
     /// Returns the quickest path found from `start` to `end` that keeps half angle and margin, or, when an end is
     /// closer to the Sun than that, comes no closer than the ends.
-    #[must_use]
     pub fn path(
         &self,
         start: Rotation<Body, Icrf>,

@@ -16,37 +16,31 @@ impl Complex {
     pub const ONE: Self = Self { re: 1.0, im: 0.0 };
 
     /// Returns a real number.
-    #[must_use]
     pub const fn real(re: f64) -> Self {
         Self { re, im: 0.0 }
     }
 
     /// Returns an imaginary number.
-    #[must_use]
     pub const fn imaginary(im: f64) -> Self {
         Self { re: 0.0, im }
     }
 
     /// Returns `exp(i angle)`.
-    #[must_use]
     pub fn unit(angle_rad: f64) -> Self {
         Self { re: angle_rad.cos(), im: angle_rad.sin() }
     }
 
     /// Modulus.
-    #[must_use]
     pub fn modulus(self) -> f64 {
         self.re.hypot(self.im)
     }
 
     /// Returns the square of the modulus.
-    #[must_use]
     pub fn modulus_squared(self) -> f64 {
         self.re * self.re + self.im * self.im
     }
 
     /// Returns the argument, rad, in `-pi..=pi`.
-    #[must_use]
     pub fn argument_rad(self) -> f64 {
         self.im.atan2(self.re)
     }

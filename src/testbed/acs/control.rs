@@ -113,13 +113,11 @@ impl Acs {
     }
 
     /// Returns the mode.
-    #[must_use]
     pub fn mode(&self) -> Mode {
         self.logic.mode()
     }
 
     /// Returns the slew under way or done last, with its beginning.
-    #[must_use]
     pub fn slew(&self) -> Option<&(Tai, SlewPath)> {
         self.slew.as_ref()
     }

@@ -48,7 +48,6 @@ pub struct BiquadState {
 impl StructuralFilter {
     /// Returns the section of a control period; [`StructuralFilter::None`] passes everything. `None` when a frequency
     /// is not between zero and half the control frequency, or a width or damping is not positive.
-    #[must_use]
     pub fn section(&self, period_s: f64) -> Option<Biquad> {
         let allowed = |hz: f64| (hz.is_finite() && hz > 0.0 && hz * period_s < 0.5).then_some(TAU * hz * period_s);
         match *self {
@@ -75,7 +74,6 @@ impl Biquad {
     }
 
     /// Returns the complex gain at a frequency, with `z = exp(i w T)`: modulus and phase lag in closed form.
-    #[must_use]
     pub fn response(&self, frequency_hz: f64) -> Complex {
         let back = Complex::unit(-TAU * frequency_hz * self.period_s);
         let twice = back * back;
@@ -84,7 +82,6 @@ impl Biquad {
     }
 
     /// Returns the state of this section for zero input.
-    #[must_use]
     pub fn at_rest(self) -> BiquadState {
         BiquadState { section: self, kept: [DVec3::ZERO; 2] }
     }

@@ -34,14 +34,12 @@ pub struct LoopGains {
 
 impl Gains {
     /// Returns the undamped natural frequency, rad/s.
-    #[must_use]
     pub fn natural_rad_s(&self) -> f64 {
         TAU * self.bandwidth_hz
     }
 
     /// Returns `J wn^2`, `2 zeta wn J`, `J wn^2 / Ti`: with the full inertia all axes have the same loop, and a turn
     /// from rest stays on its eigen-axis.
-    #[must_use]
     pub fn of(&self, inertia_kg_m2: &DMat3) -> LoopGains {
         let wn = self.natural_rad_s();
         let angle = *inertia_kg_m2 * (wn * wn);
@@ -55,7 +53,6 @@ impl Gains {
 }
 
 /// Returns the torque that undoes the gyroscopic coupling of body and wheels: `w x (J w + h)`.
-#[must_use]
 pub fn gyroscopic(inertia_kg_m2: &DMat3, rate_rad_s: DVec3, wheel_momentum_n_m_s: DVec3) -> DVec3 {
     rate_rad_s.cross(*inertia_kg_m2 * rate_rad_s + wheel_momentum_n_m_s)
 }
@@ -63,14 +60,12 @@ pub fn gyroscopic(inertia_kg_m2: &DMat3, rate_rad_s: DVec3, wheel_momentum_n_m_s
 /// Returns the error shortened so that the loop turns no faster than `largest_rate_rad_s` and can still stop with
 /// `deceleration_rad_s2`: Wie, Bailey and Heiberg (2002), eq. 32, with `sqrt(a e)`, half the deceleration of theirs,
 /// in reserve.
-#[must_use]
 pub fn shortened(error_rad: DVec3, gains: &LoopGains, largest_rate_rad_s: f64, deceleration_rad_s2: f64) -> DVec3 {
     let rate = largest_rate_rad_s.min((deceleration_rad_s2 * error_rad.length()).sqrt());
     error_rad.clamp_length_max(rate * gains.error_per_rate_s)
 }
 
 /// Returns a torque scaled so that no axis exceeds `largest_n_m`; its direction is kept.
-#[must_use]
 pub fn limited(torque_n_m: DVec3, largest_n_m: f64) -> DVec3 {
     let most = torque_n_m.abs().max_element();
     if most > largest_n_m { torque_n_m * (largest_n_m / most) } else { torque_n_m }
@@ -78,7 +73,6 @@ pub fn limited(torque_n_m: DVec3, largest_n_m: f64) -> DVec3 {
 
 /// Returns the rotation vector (rad, body axes) that turns the body axis `axis_body` onto the measured direction
 /// `sun_body`.
-#[must_use]
 pub fn error_to_direction(axis_body: DVec3, sun_body: DVec3) -> DVec3 {
     let (axis, sun) = (axis_body.normalize_or_zero(), sun_body.normalize_or_zero());
     let across = axis.cross(sun);

@@ -35,13 +35,11 @@ pub struct PointingLoop {
 
 impl PointingLoop {
     /// Returns a loop without delay, hold and filter: the textbook's.
-    #[must_use]
     pub fn ideal(gains: Gains) -> Self {
         Self { gains, delay_s: 0.0, control_period_s: 0.0, filter: StructuralFilter::None, inertia_ratio: 1.0 }
     }
 
     /// Returns the gain from angle to acceleration, without the rate's part: `wn^2 + wn^2 / (Ti s)`.
-    #[must_use]
     pub fn angle_gain(&self, w_rad_s: f64) -> Complex {
         let stiffness = self.gains.natural_rad_s().powi(2);
         let integral = self.gains.integral_s.map_or(0.0, |ti| stiffness / (ti * w_rad_s));
@@ -49,13 +47,11 @@ impl PointingLoop {
     }
 
     /// Returns the gain from rate to acceleration: `2 zeta wn`, 1/s.
-    #[must_use]
     pub fn rate_gain(&self) -> f64 {
         2.0 * self.gains.damping * self.gains.natural_rad_s()
     }
 
     /// Returns the response from wanted acceleration to angle: filter, delay, hold and body, `F exp(-s T) H / (r s^2)`.
-    #[must_use]
     pub fn plant(&self, w_rad_s: f64) -> Complex {
         let half = w_rad_s * self.control_period_s / 2.0;
         let held = if half == 0.0 { 1.0 } else { half.sin() / half };
@@ -64,33 +60,28 @@ impl PointingLoop {
     }
 
     /// Returns the open loop `L(i w)`.
-    #[must_use]
     pub fn open_loop(&self, w_rad_s: f64) -> Complex {
         (self.angle_gain(w_rad_s) + Complex::imaginary(self.rate_gain() * w_rad_s)) * self.plant(w_rad_s)
     }
 
     /// Returns `S = 1 / (1 + L)`: the response to a disturbing angle.
-    #[must_use]
     pub fn sensitivity(&self, w_rad_s: f64) -> Complex {
         Complex::ONE / (Complex::ONE + self.open_loop(w_rad_s))
     }
 
     /// Returns `T = L / (1 + L)`: the response to a moving target, or to an error of the measured angle with its rate.
-    #[must_use]
     pub fn complementary(&self, w_rad_s: f64) -> Complex {
         let open = self.open_loop(w_rad_s);
         open / (Complex::ONE + open)
     }
 
     /// Returns the angle per disturbing torque over inertia, `1 / (r s^2 (1 + L))`, s^2: jitter rejection of the loop.
-    #[must_use]
     pub fn compliance(&self, w_rad_s: f64) -> Complex {
         self.sensitivity(w_rad_s) * (-1.0 / (self.inertia_ratio * w_rad_s * w_rad_s))
     }
 
     /// Returns the highest frequency at which `|L| = 1`, rad/s. `None` when there is none within a factor of 1000 of
     /// the natural frequency (or below half the control frequency).
-    #[must_use]
     pub fn gain_crossover_rad_s(&self) -> Option<f64> {
         let wn = self.gains.natural_rad_s();
         let nyquist = if self.control_period_s > 0.0 { TAU / (2.0 * self.control_period_s) } else { f64::INFINITY };
@@ -113,7 +104,6 @@ impl PointingLoop {
 
     /// Returns the phase margin at the gain crossover, rad; negative when the loop is unstable. The double integrator's
     /// -180 degrees are exact, delay and hold are straight lines, so nothing wraps.
-    #[must_use]
     pub fn phase_margin_rad(&self) -> Option<f64> {
         let w = self.gain_crossover_rad_s()?;
         let lead = (self.angle_gain(w) + Complex::imaginary(self.rate_gain() * w)).argument_rad();
@@ -122,7 +112,6 @@ impl PointingLoop {
 
     /// Returns the delay beyond the present one at which the loop becomes unstable, s: phase margin over crossover
     /// frequency.
-    #[must_use]
     pub fn delay_margin_s(&self) -> Option<f64> {
         Some(self.phase_margin_rad()? / self.gain_crossover_rad_s()?)
     }

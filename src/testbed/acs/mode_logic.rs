@@ -173,13 +173,11 @@ pub struct ModeLogic {
 
 impl ModeLogic {
     /// Begins in `mode`.
-    #[must_use]
     pub fn new(mode: Mode, thresholds: Thresholds) -> Self {
         Self { mode, since: [None; ROWS], thresholds }
     }
 
     /// Returns the mode.
-    #[must_use]
     pub fn mode(&self) -> Mode {
         self.mode
     }

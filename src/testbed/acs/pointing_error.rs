@@ -64,7 +64,6 @@ struct Observer {
 
 impl PointingLoop {
     /// Returns the pointing error to be expected from this loop with an estimator that is tuned to the same noise.
-    #[must_use]
     pub fn pointing_error(&self, noise: &PointingNoise) -> PointingPrediction {
         let steady = Farrenkopf::new(noise.nea_rad, noise.tracker_period_s, &noise.gyro);
         let observer = Observer {
@@ -96,7 +95,6 @@ impl PointingLoop {
 
     /// Returns the equivalent noise bandwidth of the closed loop for noise of the measured angle and its rate, Hz,
     /// two-sided: `(1 / 2 pi) int |T|^2 dw` over all frequencies.
-    #[must_use]
     pub fn noise_bandwidth_hz(&self) -> f64 {
         let wn = self.gains.natural_rad_s();
         bandwidth_rad_s((wn, wn), |w| self.complementary(w)) / core::f64::consts::PI

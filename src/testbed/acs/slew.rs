@@ -53,7 +53,6 @@ pub struct SlewPath {
 
 impl Reference {
     /// Returns a reference at rest.
-    #[must_use]
     pub fn at_rest(body_from_icrf: Rotation<Body, Icrf>) -> Self {
         Self { body_from_icrf, rate_rad_s: DVec3::ZERO, acceleration_rad_s2: DVec3::ZERO }
     }
@@ -61,7 +60,6 @@ impl Reference {
 
 impl Leg {
     /// Returns the turn by a rotation vector (rad, body axes; at most pi or, for a turn the long way, 2 pi).
-    #[must_use]
     pub fn turn(start: Rotation<Body, Icrf>, vector_rad: DVec3, limits: &SlewLimits) -> Self {
         let angle_rad = vector_rad.length();
         let (rate, acceleration) = (limits.largest_rate_rad_s, limits.largest_acceleration_rad_s2);
@@ -73,44 +71,37 @@ impl Leg {
     }
 
     /// Returns the shortest turn between two attitudes.
-    #[must_use]
     pub fn between(start: Rotation<Body, Icrf>, end: &Rotation<Body, Icrf>, limits: &SlewLimits) -> Self {
         Self::turn(start, start.rotation_vector_to(end), limits)
     }
 
     /// Returns the attitude at the beginning.
-    #[must_use]
     pub fn start(&self) -> Rotation<Body, Icrf> {
         self.start
     }
 
     /// Returns the attitude at the end.
-    #[must_use]
     pub fn end(&self) -> Rotation<Body, Icrf> {
         self.start.rotated_by(self.axis * self.angle_rad)
     }
 
     /// Returns the axis of the turn, body axes; zero when the slew does not turn.
-    #[must_use]
     pub fn axis_body(&self) -> DVec3 {
         self.axis
     }
 
     /// Returns the angle of the turn, rad.
-    #[must_use]
     pub fn angle_rad(&self) -> f64 {
         self.angle_rad
     }
 
     /// Returns the time from rest to rest, s: `2 sqrt(2 angle / A)` for a small turn, `angle / w + 2 w / A` for a large
     /// one.
-    #[must_use]
     pub fn duration_s(&self) -> f64 {
         2.0 * self.ramp_s + self.coast_s
     }
 
     /// Returns the target `t_s` after the start; at rest before and after the slew.
-    #[must_use]
     pub fn reference(&self, t_s: f64) -> Reference {
         let left_s = self.duration_s() - t_s;
         if t_s <= 0.0 || self.angle_rad == 0.0 {
@@ -145,7 +136,6 @@ impl Leg {
 
 impl SlewPath {
     /// Makes a path of one to [`MOST_LEGS`] legs; `None` when there are none or too many.
-    #[must_use]
     pub fn new(legs: &[Leg]) -> Option<Self> {
         let first = *legs.first()?;
         let mut kept = [first; MOST_LEGS];
@@ -154,31 +144,26 @@ impl SlewPath {
     }
 
     /// Returns one turn.
-    #[must_use]
     pub fn single(leg: Leg) -> Self {
         Self { legs: [leg; MOST_LEGS], count: 1 }
     }
 
     /// Returns the turns.
-    #[must_use]
     pub fn legs(&self) -> &[Leg] {
         &self.legs[..self.count]
     }
 
     /// Returns the time of all turns, s.
-    #[must_use]
     pub fn duration_s(&self) -> f64 {
         self.legs().iter().map(Leg::duration_s).sum()
     }
 
     /// Returns the attitude at the end.
-    #[must_use]
     pub fn end(&self) -> Rotation<Body, Icrf> {
         self.legs[self.count - 1].end()
     }
 
     /// Returns the target `t_s` after the start; at rest before and after the slew.
-    #[must_use]
     pub fn reference(&self, t_s: f64) -> Reference {
         let mut left_s = t_s;
         for leg in &self.legs()[..self.count - 1] {

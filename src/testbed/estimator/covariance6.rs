@@ -37,13 +37,11 @@ pub struct Gain {
 
 impl Covariance6 {
     /// Returns the independent attitude and bias errors.
-    #[must_use]
     pub fn independent(attitude: DMat3, bias: DMat3) -> Self {
         Self { attitude, cross: DMat3::ZERO, bias }
     }
 
     /// Returns `turn P turn' + noise`.
-    #[must_use]
     pub fn propagated(&self, turn: &Turn, noise: &Self) -> Self {
         let (f, g) = (turn.attitude, turn.cross);
         let moved = f * self.cross + g * self.bias;
@@ -56,14 +54,12 @@ impl Covariance6 {
     }
 
     /// Returns the gain for an innovation whose covariance has the inverse `inverse_innovation`.
-    #[must_use]
     pub fn gain(&self, inverse_innovation: &DMat3) -> Gain {
         Gain { attitude: self.attitude * *inverse_innovation, bias: self.cross.transpose() * *inverse_innovation }
     }
 
     /// Returns the covariance after a measurement with noise `r`, used with `gain`: Joseph's form, which stays positive
     /// for any gain (Bucy and Joseph 1968; Markley and Crassidis 2014, eq. 12.83).
-    #[must_use]
     pub fn updated(&self, gain: &Gain, r: &DMat3) -> Self {
         let left = DMat3::IDENTITY - gain.attitude;
         let (ka, kb) = (gain.attitude, gain.bias);
@@ -77,13 +73,11 @@ impl Covariance6 {
     }
 
     /// Returns the standard deviations of the attitude error, rad, body axes.
-    #[must_use]
     pub fn attitude_sigma_rad(&self) -> DVec3 {
         root_of_diagonal(&self.attitude)
     }
 
     /// Returns the standard deviations of the bias error, rad/s, body axes.
-    #[must_use]
     pub fn bias_sigma_rad_s(&self) -> DVec3 {
         root_of_diagonal(&self.bias)
     }

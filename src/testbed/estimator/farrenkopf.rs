@@ -34,7 +34,6 @@ pub struct Farrenkopf {
 impl Farrenkopf {
     /// Returns the steady state for a tracker with noise `nea_rad` (one sigma) every `period_s`. With `Su = sigma_u
     /// T^1.5 / sigma_n` and `Sv = sigma_v T^0.5 / sigma_n`: `xi + 1 / xi = Su / 2 + 2 sqrt(1 + Sv^2 / 4 + Su^2 / 48)`.
-    #[must_use]
     pub fn new(nea_rad: f64, period_s: f64, gyro: &GyroNoise) -> Self {
         let walk = gyro.rrw_rad_s_sqrt_s;
         let su = walk * period_s.powf(1.5) / nea_rad;

@@ -121,7 +121,6 @@ impl Mekf {
 
     /// Returns the attitude at `at`: from the history, or past its end with the last rate. `None` before the first
     /// start and before what the history holds.
-    #[must_use]
     pub fn attitude(&self, at: Tai) -> Option<Rotation<Body, Icrf>> {
         if !self.started {
             return None;
@@ -134,50 +133,42 @@ impl Mekf {
     }
 
     /// Returns the last rate less the bias, rad/s, body axes.
-    #[must_use]
     pub fn rate_rad_s(&self) -> DVec3 {
         let last = self.history.last();
         last.rate_measured_rad_s - last.after.bias_rad_s
     }
 
     /// Returns the gyro bias, rad/s, body axes.
-    #[must_use]
     pub fn bias_rad_s(&self) -> DVec3 {
         self.history.last().after.bias_rad_s
     }
 
     /// Returns the standard deviation of the attitude error about each body axis, rad.
-    #[must_use]
     pub fn sigma_rad(&self) -> DVec3 {
         self.history.last().after.covariance.attitude_sigma_rad()
     }
 
     /// Returns the covariance at the last gyro sample.
-    #[must_use]
     pub fn covariance(&self) -> &Covariance6 {
         &self.history.last().after.covariance
     }
 
     /// Returns the time of the last gyro sample.
-    #[must_use]
     pub fn at(&self) -> Tai {
         self.history.last().at
     }
 
     /// Has an attitude, is not lost, and its largest sigma is below the stated one.
-    #[must_use]
     pub fn is_converged(&self) -> bool {
         self.started && !self.is_lost() && self.sigma_rad().max_element() < self.params.converged_sigma_rad
     }
 
     /// Returns whether more attitudes in a row were refused than allowed: the next one restarts the filter.
-    #[must_use]
     pub fn is_lost(&self) -> bool {
         self.gated_in_a_row > self.params.lost_after
     }
 
     /// Returns the counters so far.
-    #[must_use]
     pub fn counts(&self) -> MekfCounts {
         self.counts
     }

@@ -34,7 +34,6 @@ impl JitterStream {
 
     /// Bursts of 14 samples, for CAN FD and serial; the period is rounded down to whole microseconds. Off for 0 Hz and
     /// for periods that 16 bits of microseconds do not hold (below 16 Hz).
-    #[must_use]
     pub fn bursts(sample_hz: u32) -> Self {
         let period_us = 1_000_000_u32.checked_div(sample_hz).and_then(|period_us| u16::try_from(period_us).ok());
         match period_us {
@@ -46,7 +45,6 @@ impl JitterStream {
 
 impl JitterLineParams {
     /// Returns the rotation vector `t_s` after boot, body axes, rad.
-    #[must_use]
     pub fn rotation_rad(&self, t_s: f64) -> DVec3 {
         let turns = (self.frequency_hz * t_s).fract();
         DVec3::from_array(self.amplitude_arcsec) * (ARCSEC * (TAU * turns + self.phase_rad).sin())

@@ -144,7 +144,6 @@ pub struct FlightComputer {
 
 impl FlightComputer {
     /// Returns a flight computer that has sent nothing.
-    #[must_use]
     pub fn new(params: FlightComputerParams) -> Self {
         let clock = RemoteClock::new(params.boot, params.clock_drift_ppm);
         let start_us = clock.elapsed_us(params.stream_start);
@@ -154,13 +153,11 @@ impl FlightComputer {
     }
 
     /// Returns the same with a vehicle that flies the attitude. Jitter on the bus is the vehicle's micro-vibration.
-    #[must_use]
     pub fn flying(params: FlightComputerParams, vehicle: Vehicle) -> Self {
         Self { vehicle: Some(Box::new(vehicle)), ..Self::new(params) }
     }
 
     /// Returns the vehicle, when one is flown.
-    #[must_use]
     pub fn vehicle(&self) -> Option<&Vehicle> {
         self.vehicle.as_deref()
     }
@@ -171,26 +168,22 @@ impl FlightComputer {
     }
 
     /// Returns its clock.
-    #[must_use]
     pub fn clock(&self) -> RemoteClock {
         self.clock
     }
 
     /// Returns when the next message, or the vehicle's next control step, is due.
-    #[must_use]
     pub fn next_due(&self) -> Tai {
         let message = self.clock.at_us(self.schedule.next().1.min(self.talk.next_us()));
         self.vehicle.as_ref().map_or(message, |vehicle| vehicle.next_due().min(message))
     }
 
     /// Returns the messages received from the stimulator so far.
-    #[must_use]
     pub fn received(&self) -> &Received {
         &self.received
     }
 
     /// Returns whether the stimulator has accepted its RUN.
-    #[must_use]
     pub fn is_running(&self) -> bool {
         self.talk.is_running()
     }
@@ -237,25 +230,21 @@ impl FlightComputer {
     }
 
     /// Returns the answers of the stimulator to camera commands.
-    #[must_use]
     pub fn camera_answers(&self) -> CameraAnswers {
         self.talk.camera_answers()
     }
 
     /// Returns the answers of the stimulator to triggers.
-    #[must_use]
     pub fn trigger_answers(&self) -> TriggerAnswers {
         self.talk.trigger_answers()
     }
 
     /// Returns the scripted attitude at `at`, without noise and jitter; `None` where a file has none.
-    #[must_use]
     pub fn truth(&self, at: Tai) -> Option<AttitudeTruth> {
         self.params.profile.at(at)
     }
 
     /// Returns the scripted jitter at `at`: rotation vector of the body away from the smooth attitude, body axes, rad.
-    #[must_use]
     pub fn jitter_truth(&self, at: Tai) -> DVec3 {
         let t_s = (at - self.params.boot).s();
         self.params.jitter_lines.iter().map(|line| line.rotation_rad(t_s)).sum()

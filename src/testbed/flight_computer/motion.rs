@@ -46,7 +46,6 @@ pub struct SteadyMotion {
 
 impl SteadyMotion {
     /// Returns attitude, rate and acceleration at `at`.
-    #[must_use]
     pub fn at(&self, at: Tai) -> AttitudeTruth {
         let t_s = (at - self.zero).s();
         let start = AttitudeTruth {
@@ -167,7 +166,6 @@ impl WaypointMotion {
     }
 
     /// Returns attitude, rate and acceleration `t_s` after the zero of the motion.
-    #[must_use]
     pub fn at_s(&self, t_s: f64) -> AttitudeTruth {
         let place = self.pieces.partition_point(|piece| piece.begin_s <= t_s);
         let resting = |body_from_icrf| AttitudeTruth {
@@ -188,7 +186,6 @@ impl WaypointMotion {
     /// bounds of the derivatives of `phi`, the body's rate is below `p1`, its acceleration below `p2 + p1^2 / 2`, its
     /// jerk below `p3 + 3 p1 p2 / 2 + p1^3 / 2`: the map from `phi'` to the rate is a mean of rotations by shares of
     /// `phi`.
-    #[must_use]
     pub fn extremes(&self) -> [f64; 3] {
         self.pieces
             .iter()

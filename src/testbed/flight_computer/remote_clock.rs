@@ -11,13 +11,11 @@ pub struct RemoteClock {
 
 impl RemoteClock {
     /// Returns a clock that reads zero at `boot` and runs fast by `drift_ppm`.
-    #[must_use]
     pub fn new(boot: Tai, drift_ppm: f64) -> Self {
         Self { boot, drift: drift_ppm * 1e-6 }
     }
 
     /// Returns nanoseconds since boot; zero before it.
-    #[must_use]
     pub fn elapsed_ns(&self, at: Tai) -> u64 {
         let true_span = at - self.boot;
         let read = true_span + Span::from_s(true_span.s() * self.drift);
@@ -25,13 +23,11 @@ impl RemoteClock {
     }
 
     /// Returns the whole microseconds since boot, not wrapped.
-    #[must_use]
     pub fn elapsed_us(&self, at: Tai) -> u64 {
         self.elapsed_ns(at) / 1000
     }
 
     /// Returns the instant at which the clock reads `us` microseconds.
-    #[must_use]
     pub fn at_us(&self, us: u64) -> Tai {
         let read = Span::from_ns(i64::try_from(us.saturating_mul(1000)).unwrap_or(i64::MAX));
         self.boot + read + Span::from_s(-read.s() * self.drift / (1.0 + self.drift))

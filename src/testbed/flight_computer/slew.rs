@@ -48,20 +48,17 @@ pub struct SlewProfile {
 
 /// Returns the attitude of a body whose +Z points at (`ra_rad`, `dec_rad`), rolled as a sensor's image would be: body
 /// and sensor axes coincide.
-#[must_use]
 pub fn body_from_ra_dec_roll(ra_rad: f64, dec_rad: f64, roll_rad: f64) -> Rotation<Body, Icrf> {
     Rotation::from_quat(sensor_from_ra_dec_roll(ra_rad, dec_rad, roll_rad).quat())
 }
 
 impl SlewProfile {
     /// Makes a motion at rest for ever.
-    #[must_use]
     pub fn hold(body_from_icrf: Rotation<Body, Icrf>) -> Self {
         Self::turning(body_from_icrf, Tai::from_ns(0), DVec3::ZERO)
     }
 
     /// Makes a motion at rest until `start`, then turning at a constant rate (body axes) for ever.
-    #[must_use]
     pub fn turning(initial: Rotation<Body, Icrf>, start: Tai, rate_rad_s: DVec3) -> Self {
         Self {
             initial,
@@ -75,7 +72,6 @@ impl SlewProfile {
     }
 
     /// Makes a motion at rest until `start`, one turn, at rest.
-    #[must_use]
     pub fn slew(initial: Rotation<Body, Icrf>, start: Tai, slew: &Slew) -> Self {
         let angle_rad = slew.angle_rad.abs();
         let ramp_s = slew.ramp_s.max(0.0);
@@ -87,13 +83,11 @@ impl SlewProfile {
     }
 
     /// Returns when the turn is over, s after its start; infinite for a constant rate.
-    #[must_use]
     pub fn duration_s(&self) -> f64 {
         2.0 * self.ramp_s + self.cruise_s
     }
 
     /// Returns attitude, rate and acceleration at `at`.
-    #[must_use]
     pub fn at(&self, at: Tai) -> AttitudeTruth {
         let [angle_rad, rate_rad_s, acceleration_rad_s2] = self.about_axis((at - self.start).s());
         AttitudeTruth {

@@ -26,7 +26,6 @@ pub struct FileProfile {
 
 impl FileProfile {
     /// Returns whether `at` is before the first or after the last row, and the body rests there.
-    #[must_use]
     pub fn rests_at(&self, at: Tai) -> bool {
         let t_ns = (at - self.zero).ns().saturating_add(self.zero_ns);
         let [first_ns, last_ns] = self.history.span_ns();
@@ -34,7 +33,6 @@ impl FileProfile {
     }
 
     /// Returns attitude, rate and acceleration at `at`; `None` where the file has none.
-    #[must_use]
     pub fn at(&self, at: Tai) -> Option<AttitudeTruth> {
         let t_ns = (at - self.zero).ns().saturating_add(self.zero_ns);
         let [first_ns, last_ns] = self.history.span_ns();
@@ -67,7 +65,6 @@ pub enum Profile {
 
 impl Profile {
     /// Returns attitude, rate and acceleration at `at`; `None` where there is none.
-    #[must_use]
     pub fn at(&self, at: Tai) -> Option<AttitudeTruth> {
         match self {
             Self::Script(profile) => Some(profile.at(at)),

@@ -51,7 +51,6 @@ pub(super) fn check(params: &SpacecraftParams) -> Result<(), SpacecraftError> {
 }
 
 /// Returns whether a body can have this inertia.
-#[must_use]
 pub fn is_inertia(inertia: DMat3) -> bool {
     let trace = inertia.x_axis.x + inertia.y_axis.y + inertia.z_axis.z;
     let skew = inertia - inertia.transpose();

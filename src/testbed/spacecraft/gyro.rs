@@ -134,7 +134,6 @@ impl Gyro {
     }
 
     /// Returns the true bias, gyro axes, rad/s: for tests and truth tables.
-    #[must_use]
     pub fn bias_rad_s(&self) -> DVec3 {
         self.bias_rad_s
     }

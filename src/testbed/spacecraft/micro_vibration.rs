@@ -98,7 +98,6 @@ impl MicroVibration {
     }
 
     /// Returns when the last sample was taken.
-    #[must_use]
     pub fn time(&self) -> Tai {
         self.instant(self.samples.next() - 1)
     }

@@ -121,7 +121,6 @@ impl Spacecraft {
     }
 
     /// Returns the boundary that the motion has reached.
-    #[must_use]
     pub fn time(&self) -> Tai {
         self.boundary(self.steps.next())
     }
@@ -211,32 +210,27 @@ impl Spacecraft {
     }
 
     /// Speeds of the wheels relative to the body at [`Self::time`], rad/s.
-    #[must_use]
     pub fn wheel_speeds_rad_s(&self) -> &[f64] {
         &self.state.speeds[..self.equations.rotors.len()]
     }
 
     /// Returns the momentum of the wheels relative to the body at [`Self::time`], body axes, N m s.
-    #[must_use]
     pub fn wheel_momentum_n_m_s(&self) -> DVec3 {
         self.equations.wheel_momentum(&self.state.speeds)
     }
 
     /// Returns the angular momentum of everything at [`Self::time`], ICRF, N m s: constant without torques from
     /// outside.
-    #[must_use]
     pub fn momentum_icrf_n_m_s(&self) -> DVec3 {
         self.state.q.conjugate() * self.equations.momentum(&self.state)
     }
 
     /// Returns the kinetic and elastic energy at [`Self::time`], J: constant without torques, friction and damping.
-    #[must_use]
     pub fn energy_j(&self) -> f64 {
         self.equations.energy(&self.state)
     }
 
     /// Returns the modal coordinates at [`Self::time`], sqrt(kg) m.
-    #[must_use]
     pub fn modal_coordinates(&self) -> &[f64] {
         &self.state.modal[..self.equations.modes.len()]
     }

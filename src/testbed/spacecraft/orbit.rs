@@ -27,7 +27,6 @@ pub struct CircularOrbit {
 
 impl CircularOrbit {
     /// Returns the orbit of `params`.
-    #[must_use]
     pub fn new(params: &CircularOrbitParams) -> Self {
         let radius_m = EARTH_RADIUS_M + params.altitude_m;
         let (sin_node, cos_node) = params.raan_rad.sin_cos();
@@ -43,27 +42,23 @@ impl CircularOrbit {
     }
 
     /// Returns the place with respect to the Earth's centre, ICRF, m.
-    #[must_use]
     pub fn position_m(&self, at: Tai) -> DVec3 {
         self.radial((at - self.epoch).s()) * self.radius_m
     }
 
     /// Returns the velocity with respect to the Earth's centre, ICRF, m/s: the small part of aberration.
-    #[must_use]
     pub fn velocity_m_s(&self, at: Tai) -> DVec3 {
         let (sin, cos) = self.argument((at - self.epoch).s()).sin_cos();
         (self.quarter * cos - self.node * sin) * (self.radius_m * self.rate_rad_s)
     }
 
     /// Returns the angular rate of the orbit, rad/s.
-    #[must_use]
     pub fn rate_rad_s(&self) -> f64 {
         self.rate_rad_s
     }
 
     /// Returns false inside the Earth's shadow, taken as a cylinder away from the Sun (unit vector, ICRF). The penumbra
     /// of a low orbit lasts some ten seconds.
-    #[must_use]
     pub fn is_sunlit(&self, at: Tai, sun_icrf: DVec3) -> bool {
         let position_m = self.position_m(at);
         let along_m = position_m.dot(sun_icrf);

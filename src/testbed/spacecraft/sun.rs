@@ -17,7 +17,6 @@ const PRECESSION_DEG_D: f64 = 5029.0966 / 3600.0 / 36_525.0;
 const OBLIQUITY_J2000_DEG: f64 = 23.439;
 
 /// Returns the unit vector from the Earth to the Sun, ICRF; error below 0.02 degrees from 1950 to 2050.
-#[must_use]
 pub fn sun_direction_icrf(at: Tai) -> DVec3 {
     let n = at.days_tdb_since_j2000();
     let longitude = (apparent_longitude_deg(n) - PRECESSION_DEG_D * n) * DEG;
@@ -51,7 +50,6 @@ pub struct SunSensor {
 
 impl SunSensor {
     /// Returns the noise `noise_rad` is 1 sigma per axis.
-    #[must_use]
     pub fn new(noise_rad: f64, seed: u64) -> Self {
         Self { noise_rad, noise: Gaussian::new(seed) }
     }

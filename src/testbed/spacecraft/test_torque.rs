@@ -24,7 +24,6 @@ pub struct TestTorque {
 
 impl TestTorque {
     /// Returns the torque `t_s` after the start.
-    #[must_use]
     pub fn at_n_m(&self, t_s: f64) -> DVec3 {
         let since_s = t_s - self.begins_s;
         if since_s <= 0.0 {

@@ -18,7 +18,6 @@ const OBLIQUITY_DEG: f64 = 84381.406 / 3600.0;
 
 /// Returns the apparent unit direction (ICRF axes) of a unit direction, for an observer with the velocity `beta` = v/c
 /// (ICRF axes, with respect to the barycentre).
-#[must_use]
 pub fn apparent(direction: DVec3, beta: DVec3) -> DVec3 {
     let inverse_lorentz = (1.0 - beta.length_squared()).max(0.0).sqrt();
     let along = direction.dot(beta);
@@ -28,14 +27,12 @@ pub fn apparent(direction: DVec3, beta: DVec3) -> DVec3 {
 
 /// Returns the error, about x and y of the sensor, of an attitude that knows nothing of aberration; `beta` in sensor axes.
 /// Directions near the boresight move by `beta` across it, and the frame that holds them fixed turns the other way.
-#[must_use]
 pub fn uncorrected_turn(beta: DVec3) -> DVec3 {
     DVec3::new(beta.y, -beta.x, 0.0)
 }
 
 /// Returns the velocity of the Earth's centre about the Sun over the speed of light, ICRF axes; error below 0.1 arcsec
 /// (5e-7).
-#[must_use]
 pub fn earth_beta(at: Tai) -> DVec3 {
     let days = at.days_tdb_since_j2000();
     let anomaly_rate = 0.985_600_3 * DEG;

@@ -65,7 +65,6 @@ pub struct Spot {
 
 impl Spot {
     /// Returns the standard deviation of the place per axis, px (root mean square of both axes).
-    #[must_use]
     pub fn sigma_px(&self) -> f64 {
         (0.5 * (self.covariance_px2[0] + self.covariance_px2[2])).sqrt()
     }

@@ -59,7 +59,6 @@ struct Station {
 }
 
 /// Returns the error terms of a series in order of time; `None` with fewer than three stations.
-#[must_use]
 pub fn error_terms(series: &[AttitudePair], geometry: &Geometry) -> Option<ErrorTerms> {
     let reach_rad = ONE_STATION_PX * geometry.ifov_rad();
     let same = |a: &AttitudePair, b: &AttitudePair| a.truth.rotation_vector_to(&b.truth).length() <= reach_rad;
@@ -96,7 +95,6 @@ pub fn error_terms(series: &[AttitudePair], geometry: &Geometry) -> Option<Error
 /// the place's error `sigma_px` per axis: `sigma ifov / sqrt(N)` across, and about the boresight the same over the
 /// stars' root mean square distance from it in tangent coordinates (Liebe, "Accuracy performance of star trackers: a
 /// tutorial", IEEE Trans. AES 38 (2002), 587, with a uniform rectangle in place of his mean distance).
-#[must_use]
 pub fn predicted_nea_rad(geometry: &Geometry, stars: u32, sigma_px: f64) -> DVec3 {
     let across_rad = sigma_px * geometry.ifov_rad() / f64::from(stars).sqrt();
     let width = geometry.width_px as f64 / geometry.focal_px[0];

@@ -38,7 +38,6 @@ pub struct Geometry {
 
 impl Geometry {
     /// Returns a camera without distortion whose boresight meets the middle of the image.
-    #[must_use]
     pub fn centred(width_px: usize, height_px: usize, focal_px: f64) -> Self {
         let middle = |count: usize| (count as f64 - 1.0) / 2.0;
         Self {
@@ -51,7 +50,6 @@ impl Geometry {
     }
 
     /// Returns the place of a direction (sensor axes, any length), px; `None` from 90 degrees off the boresight.
-    #[must_use]
     pub fn pixel(&self, direction: DVec3) -> Option<DVec2> {
         if direction.z.is_nan() || direction.z <= 0.0 {
             return None;
@@ -62,7 +60,6 @@ impl Geometry {
 
     /// Returns the place of a direction and its derivative with respect to the rotation vector (rad, sensor axes) by
     /// which the sensor is turned: columns are d(place)/d(rotation about X, Y, Z), px/rad.
-    #[must_use]
     pub fn pixel_and_turn(&self, direction: DVec3) -> Option<(DVec2, [DVec2; 3])> {
         let place = self.pixel(direction)?;
         let ideal = DVec2::new(direction.x, direction.y) / direction.z;
@@ -77,7 +74,6 @@ impl Geometry {
     }
 
     /// Returns the unit direction (sensor axes) seen at a place, px.
-    #[must_use]
     pub fn direction(&self, place_px: DVec2) -> DVec3 {
         let seen = (place_px - DVec2::from(self.principal_point_px)) / DVec2::from(self.focal_px);
         let mut ideal = seen;
@@ -94,32 +90,27 @@ impl Geometry {
     }
 
     /// Returns whether a place is on the image and at least `margin_px` inside its outermost pixels' centres.
-    #[must_use]
     pub fn holds(&self, place_px: DVec2, margin_px: f64) -> bool {
         let last = DVec2::new(self.width_px as f64 - 1.0, self.height_px as f64 - 1.0);
         place_px.cmpge(DVec2::splat(margin_px)).all() && place_px.cmple(last - margin_px).all()
     }
 
     /// Returns the angle from the boresight to the furthest corner, rad.
-    #[must_use]
     pub fn corner_rad(&self) -> f64 {
         self.corners().map(|corner| self.direction(corner).angle_between(DVec3::Z)).into_iter().fold(0.0, f64::max)
     }
 
     /// Returns the angle of one pixel on the boresight, rad (mean of x and y).
-    #[must_use]
     pub fn ifov_rad(&self) -> f64 {
         0.5 * (1.0 / self.focal_px[0] + 1.0 / self.focal_px[1])
     }
 
     /// Returns the solid angle of the field, sr, to a few per cent (flat-field approximation).
-    #[must_use]
     pub fn field_sr(&self) -> f64 {
         self.width_px as f64 / self.focal_px[0] * (self.height_px as f64 / self.focal_px[1])
     }
 
     /// Returns the image diagonal, px.
-    #[must_use]
     pub fn diagonal_px(&self) -> f64 {
         (self.width_px as f64).hypot(self.height_px as f64)
     }

@@ -99,13 +99,11 @@ impl GuideStars {
     }
 
     /// Returns all guide stars, brightest first.
-    #[must_use]
     pub fn stars(&self) -> &[GuideStar] {
         &self.stars
     }
 
     /// Returns how many of them, the brightest, are in the pair index.
-    #[must_use]
     pub fn pattern_stars(&self) -> usize {
         self.pattern_directions.len()
     }

@@ -115,7 +115,6 @@ pub struct Tracker {
 
 impl Tracker {
     /// Returns a tracker that is lost in space. `params` are those the guide stars were made with.
-    #[must_use]
     pub fn new(params: TrackerParams, guide: Arc<GuideStars>) -> Self {
         Self {
             grid: BackgroundGrid::new(params.geometry.width_px, params.geometry.height_px),
@@ -196,19 +195,16 @@ impl Tracker {
     }
 
     /// Returns frames by what became of them.
-    #[must_use]
     pub fn counts(&self) -> TrackerCounts {
         self.counts
     }
 
     /// Returns the stars of the last image that gave an attitude, brightest first; outliers are marked unused.
-    #[must_use]
     pub fn matched_stars(&self) -> &[MatchedStar] {
         &self.matches
     }
 
     /// Returns the guide stars [`MatchedStar::star`] counts in.
-    #[must_use]
     pub fn guide_stars(&self) -> &GuideStars {
         &self.guide
     }

@@ -51,7 +51,6 @@ pub struct TrackerParams {
 
 impl TrackerParams {
     /// Parameters with the usual limits; every field may be changed afterwards.
-    #[must_use]
     pub fn new(geometry: Geometry, detector: DetectorFigures, psf_sigma_px: f64) -> Self {
         Self {
             geometry,
@@ -71,7 +70,6 @@ impl TrackerParams {
     }
 
     /// Returns the standard deviation of the spot with the pixel's own width (variance 1/12 px^2), px.
-    #[must_use]
     pub fn pixel_psf_sigma_px(&self) -> f64 {
         (self.psf_sigma_px * self.psf_sigma_px + 1.0 / 12.0).sqrt()
     }

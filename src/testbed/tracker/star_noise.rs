@@ -91,7 +91,6 @@ struct Covariances {
 
 impl StarNoise {
     /// Makes the noise of a tracker with these parameters.
-    #[must_use]
     pub fn new(params: &TrackerParams, guide: Arc<GuideStars>, light: &ExposedLight) -> Self {
         let spot = SpotLight::new(params, light);
         let mut noise = Self {
@@ -143,7 +142,6 @@ impl StarNoise {
     }
 
     /// Returns the root mean square over the sky, about x, y and z, rad.
-    #[must_use]
     pub fn sky_sigma_rad(&self) -> DVec3 {
         self.sky_sigma_rad
     }

@@ -154,7 +154,6 @@ impl Vehicle {
     }
 
     /// Returns when the next control step is due.
-    #[must_use]
     pub fn next_due(&self) -> Tai {
         self.last.0 + self.params.acs.control_period
     }
@@ -177,7 +176,6 @@ impl Vehicle {
     }
 
     /// Returns the instant until which the motion has been flown.
-    #[must_use]
     pub fn flown_until(&self) -> Tai {
         self.spacecraft.time()
     }
@@ -206,7 +204,6 @@ impl Vehicle {
     }
 
     /// Returns whether the EXPOSURE message of a frame has come.
-    #[must_use]
     pub fn has_tag(&self, head: usize, number: u32) -> bool {
         self.heads.get(head).is_some_and(|head| head.tag_of(number).is_some())
     }
@@ -301,7 +298,6 @@ impl Vehicle {
 
     /// Returns how often faults of this kind have hit something so far: gyro samples, frames not looked at, things
     /// broken.
-    #[must_use]
     pub fn fault_hits(&self, fault: &VehicleFault) -> u64 {
         match fault {
             VehicleFault::TrackerOff(head) => {
@@ -327,49 +323,41 @@ impl Vehicle {
     }
 
     /// Returns the counters of the estimator.
-    #[must_use]
     pub fn estimator_counts(&self) -> MekfCounts {
         self.estimator.counts()
     }
 
     /// Returns the mode of the control.
-    #[must_use]
     pub fn mode(&self) -> Mode {
         self.acs.mode()
     }
 
     /// Returns the estimated attitude now, if there is one.
-    #[must_use]
     pub fn estimate(&self) -> Option<Rotation<Body, Icrf>> {
         self.estimator.attitude(self.last.0)
     }
 
     /// Returns one sigma of the estimated attitude per body axis, rad.
-    #[must_use]
     pub fn estimate_sigma_rad(&self) -> DVec3 {
         self.estimator.sigma_rad()
     }
 
     /// Returns when the estimate holds: the last control step.
-    #[must_use]
     pub fn estimate_at(&self) -> Tai {
         self.last.0
     }
 
     /// Returns the parameters of the parts.
-    #[must_use]
     pub fn params(&self) -> &VehicleParams {
         &self.params
     }
 
     /// Returns the commanded target.
-    #[must_use]
     pub fn target(&self) -> Rotation<Body, Icrf> {
         self.target
     }
 
     /// Speeds of the wheels, rad/s.
-    #[must_use]
     pub fn wheel_speeds_rad_s(&self) -> &[f64] {
         self.spacecraft.wheel_speeds_rad_s()
     }

@@ -89,7 +89,6 @@ impl Vehicle {
     }
 
     /// Returns true when a control outside drives the wheels.
-    #[must_use]
     pub fn is_driven_outside(&self) -> bool {
         self.is_driven_outside
     }

@@ -50,7 +50,6 @@ pub const ROW_BYTES: usize = 8 * 25;
 
 impl TelemetryRow {
     /// Returns the row as little-endian numbers of eight bytes.
-    #[must_use]
     pub fn bytes(&self) -> [u8; ROW_BYTES] {
         let known = self.knowledge_error_rad.unwrap_or(DVec3::NAN);
         let numbers = [

@@ -7,7 +7,6 @@ use std::sync::LazyLock;
 static BROKEN: LazyLock<bool> = LazyLock::new(|| std::env::var_os("STARLOOP_FUZZ_BROKEN").is_some());
 
 /// Returns whether the target is to do its one thing wrong.
-#[must_use]
 pub fn is_broken() -> bool {
     *BROKEN
 }

@@ -7,7 +7,6 @@
 use crate::Input;
 
 /// Returns the CRC-16/IBM-3740, from its definition: polynomial 0x1021, start 0xFFFF, the highest bit first.
-#[must_use]
 pub fn crc16<'a>(bytes: impl IntoIterator<Item = &'a u8>) -> u16 {
     bytes.into_iter().fold(0xFFFF, |crc, byte| {
         (0..8).rev().fold(crc, |crc: u16, bit| {

@@ -10,19 +10,16 @@ pub struct Input<'a> {
 
 impl<'a> Input<'a> {
     /// Returns all of the fuzzer's bytes.
-    #[must_use]
     pub fn new(bytes: &'a [u8]) -> Self {
         Self { rest: bytes }
     }
 
     /// Returns the bytes not taken yet.
-    #[must_use]
     pub fn rest(&self) -> &'a [u8] {
         self.rest
     }
 
     /// Returns whether everything has been taken.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.rest.is_empty()
     }

@@ -13,13 +13,11 @@ static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
 });
 
 /// Returns a path in the folder.
-#[must_use]
 pub fn path(name: &str) -> PathBuf {
     FOLDER.join(name)
 }
 
 /// Returns a file of these bytes.
-#[must_use]
 pub fn file(name: &str, bytes: &[u8]) -> PathBuf {
     let path = path(name);
     // Not created again: its pages are there from the input before.

@@ -2,7 +2,6 @@
 
 /// Returns the indices of the points that no other point beats in both coordinates, by ascending x. Of equal points the
 /// first counts; points that are not finite are left out.
-#[must_use]
 pub fn pareto_front(points: &[[f64; 2]]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..points.len()).filter(|i| points[*i].iter().all(|v| v.is_finite())).collect();
     order.sort_by(|a, b| {

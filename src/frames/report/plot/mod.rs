@@ -88,19 +88,16 @@ pub struct Chart {
 
 impl Axis {
     /// Returns a logarithmic axis.
-    #[must_use]
     pub fn log(label: impl Into<String>) -> Self {
         Self { label: label.into(), scale: Scale::Log }
     }
 
     /// Returns a linear axis.
-    #[must_use]
     pub fn linear(label: impl Into<String>) -> Self {
         Self { label: label.into(), scale: Scale::Linear }
     }
 
     /// Returns an axis of shares, from 0 to 1.
-    #[must_use]
     pub fn share(label: impl Into<String>) -> Self {
         Self { label: label.into(), scale: Scale::Share }
     }

@@ -19,7 +19,6 @@ impl Page {
 }
 
 /// Returns the chart as an SVG document.
-#[must_use]
 pub fn to_svg(chart: &Chart) -> String {
     let layout = Layout::of(chart);
     let mut page = Page { text: String::new() };

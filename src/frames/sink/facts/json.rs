@@ -6,7 +6,6 @@ use super::value::{Fact, FactSource, Form, Scalar};
 use serde_json::{Map, Value, json as value};
 
 /// Returns an object with the facts of one output: those for which `keys` finds keys in a row.
-#[must_use]
 pub fn json_keys(source: &FactSource<'_>, keys: impl Fn(&Row) -> &'static [Key]) -> Map<String, Value> {
     let mut object = Map::new();
     for row in TABLE {
@@ -19,7 +18,6 @@ pub fn json_keys(source: &FactSource<'_>, keys: impl Fn(&Row) -> &'static [Key])
 
 /// Returns a fact as JSON: lists as arrays, faults with their numbers as objects, regions as arrays of left, top, width
 /// and height; `null` for values that are absent or not finite.
-#[must_use]
 pub fn json(fact: Fact<'_>, form: Form) -> Value {
     match fact {
         Fact::Reals(all) => value!(all),

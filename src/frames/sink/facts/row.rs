@@ -65,7 +65,6 @@ pub enum Stored {
 
 impl Stored {
     /// Returns the bytes of one element.
-    #[must_use]
     pub const fn bytes(self) -> usize {
         match self {
             Self::U32 => 4,
@@ -74,7 +73,6 @@ impl Stored {
     }
 
     /// Returns its name.
-    #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::U32 => "u32",

@@ -24,13 +24,11 @@ pub struct FactSource<'a> {
 
 impl<'a> FactSource<'a> {
     /// Returns the facts of a frame without its pixels.
-    #[must_use]
     pub const fn of_meta(meta: &'a FrameMeta) -> Self {
         Self { meta, frame: None, pixel_crc32: None }
     }
 
     /// Returns the facts of a whole frame, with the checksum of its pixels where it is known.
-    #[must_use]
     pub const fn of_frame(frame: &'a SentFrame, pixel_crc32: Option<u32>) -> Self {
         Self { meta: &frame.meta, frame: Some(frame), pixel_crc32 }
     }
@@ -102,7 +100,6 @@ pub enum Kind {
 
 impl Kind {
     /// Returns its name for people.
-    #[must_use]
     pub fn name(self) -> String {
         let name = match self {
             Self::Flag => "bool",
@@ -123,7 +120,6 @@ impl Kind {
     }
 
     /// Returns true when a fact is of this kind, or absent.
-    #[must_use]
     pub fn fits(self, fact: Fact<'_>) -> bool {
         match fact {
             Fact::Absent => true,
@@ -186,7 +182,6 @@ pub enum Scalar<'a> {
 
 impl Scalar<'_> {
     /// Returns the whole number; 0 of everything else.
-    #[must_use]
     pub fn whole(&self) -> i128 {
         match self {
             Self::Whole(number) => *number,
@@ -196,7 +191,6 @@ impl Scalar<'_> {
     }
 
     /// Returns the real number; no number of everything else.
-    #[must_use]
     pub fn real(&self) -> f64 {
         match self {
             Self::Real(number) => *number,
@@ -205,7 +199,6 @@ impl Scalar<'_> {
     }
 
     /// Returns the text; an empty one of everything else.
-    #[must_use]
     pub fn text(&self) -> &str {
         match self {
             Self::Text(text) => text,
@@ -216,7 +209,6 @@ impl Scalar<'_> {
 
 impl<'a> Fact<'a> {
     /// Returns how many elements it has: of a list its length, 0 when it is absent, else 1.
-    #[must_use]
     pub const fn elements(self) -> usize {
         match self {
             Self::Absent => 0,
@@ -238,7 +230,6 @@ impl<'a> Fact<'a> {
 
     /// Returns one element in a form; a fact other than a list has the same element everywhere. A form that does not go
     /// with the fact leaves it unchanged.
-    #[must_use]
     pub fn element(self, place: usize, form: Form) -> Scalar<'a> {
         match self {
             Self::Absent => Scalar::Absent,

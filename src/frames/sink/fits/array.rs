@@ -34,7 +34,6 @@ pub enum OwnedPixels {
 
 impl OwnedPixels {
     /// Returns the same pixels, borrowed.
-    #[must_use]
     pub fn as_pixels(&self) -> Pixels<'_> {
         match self {
             Self::U16(p) => Pixels::U16(p),
@@ -47,7 +46,6 @@ impl OwnedPixels {
 impl FitsImage {
     /// Returns whether the file states which row is the top one (`ROWORDER`, a keyword of amateur astronomy's programs
     /// and of this one); by FITS's own convention the first row is drawn at the bottom, but cameras write it either way.
-    #[must_use]
     pub fn states_row_order(&self) -> bool {
         self.header
             .text("ROWORDER")
@@ -56,7 +54,6 @@ impl FitsImage {
 
     /// Returns the pixels as numbers, the top row first: that is the first one of the file, unless it says
     /// `ROWORDER = 'BOTTOM-UP'`.
-    #[must_use]
     pub fn top_row_first(&self) -> Vec<f64> {
         let pixels: Vec<f64> = match &self.pixels {
             OwnedPixels::U16(pixels) => pixels.iter().map(|value| f64::from(*value)).collect(),

@@ -73,7 +73,6 @@ impl From<String> for Value<'_> {
 }
 
 /// Formats one card.
-#[must_use]
 pub fn format_card(keyword: &str, value: &Value<'_>, comment: &str) -> Card {
     let mut text = keyword_text(keyword);
     text.push_str("= ");
@@ -92,13 +91,11 @@ pub fn format_card(keyword: &str, value: &Value<'_>, comment: &str) -> Card {
 }
 
 /// Formats one `COMMENT` card.
-#[must_use]
 pub fn format_comment(comment: &str) -> Card {
     padded(&format!("COMMENT {}", printable(comment)))
 }
 
 /// Returns the card that ends every header.
-#[must_use]
 pub fn end_card() -> Card {
     padded("END")
 }
@@ -149,7 +146,6 @@ fn padded(ascii: &str) -> Card {
 }
 
 /// Reads the value of a card; `None` when it has none (`COMMENT`, `END`) or it is not in FITS form.
-#[must_use]
 pub fn parse_value(card: &Card) -> Option<Value<'static>> {
     let text = core::str::from_utf8(card).ok()?;
     if !text.is_ascii() || &text[8..VALUE_COLUMN] != "= " {
@@ -203,20 +199,17 @@ impl Header {
     }
 
     /// Returns the cards in order.
-    #[must_use]
     pub fn cards(&self) -> &[Card] {
         &self.cards
     }
 
     /// Returns the value of the first card with this keyword.
-    #[must_use]
     pub fn get(&self, keyword: &str) -> Option<Value<'static>> {
         let wanted = keyword_text(keyword);
         self.cards.iter().find(|card| card.starts_with(wanted.as_bytes())).and_then(parse_value)
     }
 
     /// Returns a number, integer or real.
-    #[must_use]
     pub fn real(&self, keyword: &str) -> Option<f64> {
         match self.get(keyword)? {
             Value::Real(v) => Some(v),
@@ -226,13 +219,11 @@ impl Header {
     }
 
     /// Returns an integer.
-    #[must_use]
     pub fn integer(&self, keyword: &str) -> Option<i128> {
         if let Value::Integer(v) = self.get(keyword)? { Some(v) } else { None }
     }
 
     /// Returns a text.
-    #[must_use]
     pub fn text(&self, keyword: &str) -> Option<String> {
         if let Value::Text(v) = self.get(keyword)? { Some(v.into_owned()) } else { None }
     }

@@ -186,7 +186,6 @@ impl Clone for Defects {
 
 impl Defects {
     /// Returns an empty list; the seed fixes the telegraph signals, which are sampled every `frame_period_s`.
-    #[must_use]
     #[allow(clippy::cast_possible_truncation, reason = "sides are below 2^16")]
     pub fn new(space: DefectSpace, seed: u64, frame_period_s: f64) -> Self {
         Self {
@@ -204,7 +203,6 @@ impl Defects {
     }
 
     /// Returns the capacity.
-    #[must_use]
     pub fn space(&self) -> DefectSpace {
         self.space
     }
@@ -223,7 +221,6 @@ impl Defects {
     }
 
     /// Returns true if the list is empty.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.entries.is_empty()
     }

@@ -39,7 +39,6 @@ impl DefectPopulation {
     };
 
     /// Returns pixels of all kinds together.
-    #[must_use]
     pub fn count(&self, pixels: usize) -> usize {
         [self.hot_share, self.dead_share, self.rts_share].iter().map(|share| share_of(*share, pixels)).sum()
     }

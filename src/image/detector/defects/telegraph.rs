@@ -43,7 +43,6 @@ enum Verdict {
 
 impl Telegraph {
     /// Returns a signal with its own stream of random numbers; frames come every `frame_period_s`.
-    #[must_use]
     pub fn new(rates: Rates, frame_period_s: f64, stream: u32) -> Self {
         let sum_per_s = rates.up_per_s + rates.down_per_s;
         let high_share = if sum_per_s > 0.0 { rates.up_per_s / sum_per_s } else { 0.0 };

@@ -147,7 +147,6 @@ impl GpuDetector {
     }
 
     /// Defects and protons.
-    #[must_use]
     pub fn disturbances(&self) -> &Disturbances {
         &self.disturbances
     }
@@ -165,7 +164,6 @@ impl GpuDetector {
     }
 
     /// Returns the wall times of the latest frame.
-    #[must_use]
     pub fn times(&self) -> FrameTimes {
         self.times
     }

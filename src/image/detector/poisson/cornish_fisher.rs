@@ -41,7 +41,6 @@ pub fn cornish_fisher<const FUSED: bool>(means: &[f32; GROUP], words: &[u32; GRO
 
 /// Returns the count of one pixel; a mean below 1 is drawn as 1.
 #[inline(always)]
-#[must_use]
 pub fn count<const FUSED: bool>(mean: f32, word: u32) -> f32 {
     let mean = if mean > 1.0 { mean } else { 1.0 };
     let z = normal_quantile::<FUSED>(open_unit(word));
@@ -54,7 +53,6 @@ pub fn count<const FUSED: bool>(mean: f32, word: u32) -> f32 {
 
 /// Returns the bound on the Kolmogorov distance: the next term of the expansion, the word, the quantile, and four
 /// roundings at the size of the mean. Below mean 5 nothing is known.
-#[must_use]
 pub fn error_bound(lambda: f64) -> f64 {
     if lambda < LEAST_BOUNDED {
         return 1.0;

@@ -18,13 +18,11 @@ const MOST_MEAN: f64 = 16_777_216.0;
 
 /// Returns the Kolmogorov distance between Poisson's law at mean `lambda` (as f32) and what `method` draws there,
 /// inside or outside its domain; none when `lambda` is not a mean above 0 and below 2^24.
-#[must_use]
 pub fn distance(method: PoissonMethod, lambda: f64) -> Option<f64> {
     departure(method, lambda).map(|found| found.kolmogorov)
 }
 
 /// Returns the same with the errors of mean and variance.
-#[must_use]
 #[allow(clippy::cast_possible_truncation, reason = "detectors draw from means in f32")]
 pub fn departure(method: PoissonMethod, lambda: f64) -> Option<Departure> {
     let mean = lambda as f32;

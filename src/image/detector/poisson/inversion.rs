@@ -81,7 +81,6 @@ fn not_below(x: f32, least: f32) -> f32 {
 
 /// Returns the bound on the Kolmogorov distance: one word, the cut tail, the rounding of `exp`, three roundings of
 /// every term (`sum of k p(k) = mean`), half a unit of every sum up to 6 sigma. Beyond the limit nothing is promised.
-#[must_use]
 pub fn error_bound(lambda: f64) -> f64 {
     const WORD: f64 = 1.0 / 16_777_216.0;
     if lambda > f64::from(INVERSION_LIMIT) {

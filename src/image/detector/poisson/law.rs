@@ -30,7 +30,6 @@ pub struct Departure {
 
 impl Law {
     /// Returns Poisson's law over all counts that matter at mean `lambda` (positive).
-    #[must_use]
     pub fn poisson(lambda: f64) -> Self {
         let spread = SIGMAS * lambda.sqrt() + MARGIN;
         let first = (lambda - spread).floor().max(0.0);
@@ -79,7 +78,6 @@ impl Law {
     }
 
     /// Returns how far this law is from `truth` of mean `lambda`, over the same counts.
-    #[must_use]
     pub fn departure(&self, truth: &Self, lambda: f64) -> Departure {
         let differences = self.cumulative.iter().zip(&truth.cumulative).map(|(a, b)| (a - b).abs());
         let [mean, variance] = self.moments(lambda);

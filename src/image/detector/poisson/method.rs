@@ -35,7 +35,6 @@ impl PoissonMethod {
     pub const ALL: [Self; 5] = [Self::Auto, Self::Inversion, Self::CornishFisher, Self::Ptrs, Self::RoundedNormal];
 
     /// Returns the name people type.
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Auto => "auto",
@@ -47,7 +46,6 @@ impl PoissonMethod {
     }
 
     /// Returns the means, electrons, for which the error bound is guaranteed.
-    #[must_use]
     pub fn domain(self) -> RangeInclusive<f64> {
         match self {
             Self::Auto => 0.0..=MOST_MEAN,
@@ -59,7 +57,6 @@ impl PoissonMethod {
     }
 
     /// Returns the Kolmogorov distance that the method promises within its domain.
-    #[must_use]
     pub fn promise(self) -> f64 {
         match self {
             Self::Inversion | Self::Ptrs => 1e-5,
@@ -70,7 +67,6 @@ impl PoissonMethod {
 
     /// Returns the bound on the Kolmogorov distance at mean `lambda`, known before anything is drawn; 1 where nothing
     /// is promised.
-    #[must_use]
     pub fn error_bound(self, lambda: f64) -> f64 {
         match self {
             Self::Auto if lambda < LIMIT => inversion::error_bound(lambda),
@@ -83,7 +79,6 @@ impl PoissonMethod {
 
     /// Returns nanoseconds per pixel on one thread, words and conversion to DN included, where the method is given to a
     /// detector. Measured by `cargo bench --bench poisson` on a two-core AVX-512 machine; a factor of two on others.
-    #[must_use]
     pub fn cost_ns(self, lambda: f64) -> f64 {
         match self {
             Self::Auto if lambda < LIMIT => Self::Inversion.cost_ns(lambda),
@@ -98,7 +93,6 @@ impl PoissonMethod {
     }
 
     /// Returns true if the bound at mean `lambda` is within the guaranteed error.
-    #[must_use]
     pub fn is_within_domain(self, lambda: f64) -> bool {
         self.domain().contains(&lambda)
     }

@@ -87,7 +87,6 @@ impl Hat {
 
 /// Draws a count of mean `mean` (at least [`LEAST_MEAN`]) for one pixel of one frame.
 #[inline(always)]
-#[must_use]
 pub fn draw_one<const FUSED: bool>(mean: f32, pixel: u32, frame: u32, key: [u32; 2]) -> f32 {
     draw_one_with(mean, pixel, frame, key, saddle_point::<FUSED>)
 }
@@ -146,7 +145,6 @@ fn deviance<const FUSED: bool>(k: f32, mean: f32) -> f32 {
 
 /// Returns the bound on the Kolmogorov distance: half the acceptance's relative error on either side of a threshold,
 /// the series, the word. Below [`LEAST_MEAN`] nothing is promised.
-#[must_use]
 pub fn error_bound(lambda: f64) -> f64 {
     if lambda < f64::from(LEAST_MEAN) { 1.0 } else { ACCEPTANCE_REL + SERIES + WORD }
 }

@@ -31,7 +31,6 @@ pub fn rounded_normal<const FUSED: bool>(means: &[f32; GROUP], words: &[u32; GRO
 
 /// Returns the count of one pixel.
 #[inline(always)]
-#[must_use]
 pub fn count<const FUSED: bool>(mean: f32, word: u32) -> f32 {
     let z = normal_quantile::<FUSED>(open_unit(word));
     let x = (mul_add::<FUSED>(mean.sqrt(), z, mean) + 0.5).floor();
@@ -39,7 +38,6 @@ pub fn count<const FUSED: bool>(mean: f32, word: u32) -> f32 {
 }
 
 /// Returns the bound on the Kolmogorov distance: skewness, the next term, the word, the quantile, two roundings.
-#[must_use]
 pub fn error_bound(lambda: f64) -> f64 {
     if lambda < 1.0 {
         return 1.0;

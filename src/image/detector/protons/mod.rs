@@ -116,7 +116,6 @@ impl ProtonFlux {
     }
 
     /// Protons per second through an area.
-    #[must_use]
     pub fn rate_per_s(&self, area_cm2: f64) -> f64 {
         let share = match self.direction {
             ProtonDirection::Isotropic => 0.5,
@@ -126,7 +125,6 @@ impl ProtonFlux {
     }
 
     /// Returns the mean electrons of a path, and their standard deviation.
-    #[must_use]
     pub fn deposit_e(&self, path_um: f64) -> [f64; 2] {
         let g_cm2 = DENSITY_G_CM3 * path_um * 1e-4;
         let mean_mev = (silicon_mev_cm2_g(self.energy_mev) * g_cm2).min(self.energy_mev);
@@ -157,26 +155,22 @@ impl Clone for Protons {
 
 impl Protons {
     /// Returns a source with capacity for so many tracks and pixels with charge per frame.
-    #[must_use]
     pub fn new(size_px: [usize; 2], layer: SensitiveLayer, seed: u64, most_tracks: usize, most_px: usize) -> Self {
         let (tracks, charge) = (Vec::with_capacity(most_tracks), Vec::with_capacity(most_px));
         Self { size_px, layer, seed, most_tracks, tracks, charge, left_out: 0 }
     }
 
     /// Tracks of the latest frame.
-    #[must_use]
     pub fn tracks(&self) -> &[ProtonTrack] {
         &self.tracks
     }
 
     /// Protons that no longer fitted into their frames, since the start.
-    #[must_use]
     pub fn left_out(&self) -> u64 {
         self.left_out
     }
 
     /// Returns the area of the detector, cm^2.
-    #[must_use]
     pub fn area_cm2(&self) -> f64 {
         let pitch_cm = self.layer.pixel_pitch_um * 1e-4;
         self.size_px[0] as f64 * self.size_px[1] as f64 * pitch_cm * pitch_cm

@@ -48,7 +48,6 @@ const TABLE: [[f64; 2]; 33] = [
 ];
 
 /// Returns the stopping power at an energy; outside the table that of its end.
-#[must_use]
 pub fn silicon_mev_cm2_g(energy_mev: f64) -> f64 {
     let after = TABLE.partition_point(|[energy, _]| *energy <= energy_mev);
     let (Some(low), Some(high)) = (TABLE.get(after.wrapping_sub(1)), TABLE.get(after)) else {

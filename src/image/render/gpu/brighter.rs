@@ -76,7 +76,6 @@ impl Brighter {
     }
 
     /// Returns the image of both.
-    #[must_use]
     pub fn electrons(&self) -> &DeviceElectrons {
         &self.kept
     }

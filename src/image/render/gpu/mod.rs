@@ -123,13 +123,11 @@ impl Gpu {
     }
 
     /// Returns the device, to share with a detector.
-    #[must_use]
     pub fn device(&self) -> &Arc<GpuDevice> {
         &self.gpu
     }
 
     /// Returns the latest image, still on the device.
-    #[must_use]
     pub fn device_electrons(&self) -> &DeviceElectrons {
         &self.image
     }

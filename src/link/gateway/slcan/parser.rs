@@ -64,7 +64,6 @@ pub enum SlcanReject {
 
 impl SlcanReject {
     /// Returns the word in counters.
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::TooLong => "too_long",

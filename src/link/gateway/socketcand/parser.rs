@@ -43,7 +43,6 @@ impl BusName {
     }
 
     /// Returns the name.
-    #[must_use]
     pub fn as_bytes(&self) -> &[u8] {
         self.bytes.get(..self.len).unwrap_or(&[])
     }
@@ -83,7 +82,6 @@ pub enum SocketcandReject {
 
 impl SocketcandReject {
     /// Returns the word in counters.
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::TooLong => "too_long",

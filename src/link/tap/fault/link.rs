@@ -46,7 +46,6 @@ struct Waiting {
 
 impl FaultyLink {
     /// Faults of `control` on top of `inner`; babble is classic CAN.
-    #[must_use]
     pub fn new(inner: Box<dyn Link>, clock: Arc<dyn Clock>, control: FaultControl, seed: u64) -> Self {
         Self {
             inner,

@@ -97,7 +97,6 @@ pub enum Arrival {
 
 impl LinkFault {
     /// Returns its effect on the times at which packets come when it lasts so long.
-    #[must_use]
     pub fn arrival(self, lasts: Span) -> Arrival {
         match self {
             Self::Delay { by, jitter } => Arrival::Late(by + jitter),
@@ -183,7 +182,6 @@ impl FaultControl {
     }
 
     /// Returns every fault, in the order in which they were added, with its hits.
-    #[must_use]
     pub fn timed(&self) -> Vec<TimedLinkFault> {
         self.lock().clone()
     }

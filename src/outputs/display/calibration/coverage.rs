@@ -16,7 +16,6 @@ pub const LEAST_COVERAGE: f64 = 0.5;
 const PLACES: usize = 48;
 
 /// Returns the share of what `tracker` sees of the display that lies within the outermost dots; 0 when it sees nothing.
-#[must_use]
 pub fn coverage(geometry: &DisplayGeometry, tracker: &CameraGeometry) -> f64 {
     let camera = geometry.camera();
     let along = |i: usize, side: usize| (i as f64 + 0.5) * side as f64 / PLACES as f64 - 0.5;

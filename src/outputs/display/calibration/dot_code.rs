@@ -10,13 +10,11 @@ use super::error::CalibrationError;
 const SAME_PLACE: f64 = 0.25;
 
 /// Returns the number of images that identify `count` dots.
-#[must_use]
 pub fn bits_of(count: usize) -> u32 {
     usize::BITS - count.leading_zeros() + 1
 }
 
 /// Returns the code of dot `number` of `count`.
-#[must_use]
 pub fn code(number: usize, count: usize) -> usize {
     number | (number.count_ones() as usize % 2) << (bits_of(count) - 1)
 }

@@ -120,7 +120,6 @@ pub struct Calibrated {
 
 impl Calibrated {
     /// Returns the conversion of luminance to greys, dithering over so many refreshes.
-    #[must_use]
     pub fn drive(&self, dither: Dither) -> DisplayDrive {
         let camera = self.geometry.camera();
         let size_px = [camera.width_px(), camera.height_px()];

@@ -21,13 +21,11 @@ pub struct DisplayIdentity {
 
 impl DisplayIdentity {
     /// Returns columns and rows.
-    #[must_use]
     pub fn size_px(&self) -> [usize; 2] {
         [self.width_px, self.height_px]
     }
 
     /// Returns the brightest grey.
-    #[must_use]
     pub fn full_grey(&self) -> u16 {
         u16::try_from((1_u32 << self.bits.min(16)) - 1).unwrap_or(u16::MAX)
     }
@@ -49,7 +47,6 @@ pub struct TrackerIdentity {
 
 impl TrackerIdentity {
     /// Returns the identity of a camera.
-    #[must_use]
     pub fn of(name: &str, camera: &CameraGeometry) -> Self {
         let p = camera.parameters();
         let mut numbers = [p.focal_px, p.principal_point_px].concat();

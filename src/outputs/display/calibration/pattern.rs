@@ -48,7 +48,6 @@ pub enum Pattern {
 
 impl Pattern {
     /// Returns the name in files and tables.
-    #[must_use]
     pub fn name(self) -> String {
         match self {
             Self::Dark => "dark".into(),
@@ -61,7 +60,6 @@ impl Pattern {
     }
 
     /// Returns the pattern of a name.
-    #[must_use]
     pub fn of_name(name: &str) -> Option<Self> {
         match name.trim() {
             "dark" => Some(Self::Dark),
@@ -76,7 +74,6 @@ impl Pattern {
     }
 
     /// Returns the instruction for a person while the pattern is shown.
-    #[must_use]
     pub fn instruction(self) -> &'static str {
         match self {
             Self::Dark => "switch the display off (or cover the lens); measure the level",
@@ -91,13 +88,11 @@ impl Pattern {
 
 impl Grid {
     /// Dots in all.
-    #[must_use]
     pub fn count(&self) -> usize {
         self.columns * self.rows
     }
 
     /// Returns the display px of the centre of dot `number`, counted from 1 row by row.
-    #[must_use]
     pub fn centre_px(&self, number: usize, display: &DisplayIdentity) -> Option<[usize; 2]> {
         let index = number.checked_sub(1).filter(|index| *index < self.count())?;
         let along = |i: usize, count: usize, side: usize| {
@@ -147,7 +142,6 @@ impl Grid {
 }
 
 /// Greys of a ramp from black to full in so many steps, closer together near black.
-#[must_use]
 pub fn ramp_greys(full: u16, steps: usize) -> Vec<u16> {
     let steps = steps.max(1);
     let grey = |i: usize| {

@@ -64,7 +64,6 @@ impl Plan {
     }
 
     /// Returns every image in order.
-    #[must_use]
     pub fn patterns(&self) -> Vec<Pattern> {
         let bits = (0..bits_of(self.grid.count())).map(Pattern::DotsBit);
         let ramp = ramp_greys(self.display.full_grey(), self.ramp_steps).into_iter().map(Pattern::Level);
@@ -73,7 +72,6 @@ impl Plan {
     }
 
     /// Returns the greys of an image.
-    #[must_use]
     pub fn draw(&self, pattern: Pattern) -> Image<u16> {
         let is_lit = |number: usize| match pattern {
             Pattern::DotsBit(bit) => code(number, self.grid.count()) >> bit & 1 == 1,
@@ -84,7 +82,6 @@ impl Plan {
 
     /// Returns an image as luminances in even steps, 65535 full: `starloop display show` at gamma 1 shows its very
     /// greys.
-    #[must_use]
     pub fn luminances(&self, pattern: Pattern) -> Image<u16> {
         let mut image = self.draw(pattern);
         let full = u64::from(self.display.full_grey());
@@ -94,7 +91,6 @@ impl Plan {
     }
 
     /// Returns the CRC-32 of everything that the measurements depend on: a new plan with other numbers has another.
-    #[must_use]
     pub fn crc32(&self) -> String {
         let Grid { columns, rows, dot_px, margin_px } = &self.grid;
         let DisplayIdentity { name, width_px, height_px, bits } = &self.display;
@@ -108,7 +104,6 @@ impl Plan {
     }
 
     /// Returns the centre of a dot, display px.
-    #[must_use]
     pub fn dot_px(&self, number: usize) -> Option<[f64; 2]> {
         self.grid.centre_px(number, &self.display).map(|px| px.map(|v| v as f64))
     }

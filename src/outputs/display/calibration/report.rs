@@ -32,7 +32,6 @@ pub struct MagnitudeRange {
 }
 
 /// Returns the largest share of a star's light in one pixel.
-#[must_use]
 pub fn peak_share(spot_sigma_px: f64) -> f64 {
     libm::erf(0.5 / (SQRT_2 * spot_sigma_px)).powi(2)
 }
@@ -43,14 +42,12 @@ fn magnitude(light: &Light, full_pixels: f64) -> f64 {
 }
 
 /// Returns the brightest star that is not clipped where the flat field has this value.
-#[must_use]
 pub fn brightest_star(light: &Light, flat: f64) -> f64 {
     magnitude(light, flat / peak_share(light.spot_sigma_px))
 }
 
 impl MagnitudeRange {
     /// Returns the range, dithered over `dither`.
-    #[must_use]
     pub fn of(light: &Light, calibrated: &Calibrated, dither: Dither) -> Self {
         let of = |full_pixels: f64| magnitude(light, full_pixels);
         let one_grey = calibrated.response.luminance()[1];
@@ -72,7 +69,6 @@ impl MagnitudeRange {
 }
 
 /// Returns the results of a calibration as text for people.
-#[must_use]
 pub fn reported(calibration: &Calibration, calibrated: &Calibrated, dither: Dither) -> String {
     let mut text = String::new();
     let mut line = |name: &str, value: String| {

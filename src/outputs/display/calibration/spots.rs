@@ -49,7 +49,6 @@ pub struct FrameScale {
 
 impl FrameScale {
     /// Returns a frame in electrons per second.
-    #[must_use]
     pub fn applied(&self, frame: &DnImage) -> Image<f64> {
         let mut scaled = Image::new(frame.width(), frame.height());
         let scale = self.gain_e_per_dn / self.exposure_s;
@@ -59,7 +58,6 @@ impl FrameScale {
     }
 
     /// Returns the least value of a pixel that is at the camera's end, electrons per second.
-    #[must_use]
     pub fn saturated_from(&self) -> f64 {
         // Half a number below the largest, so that rounding does not matter.
         let converter_e = (f64::from(self.largest_dn) - 0.5 - self.black_level_dn) * self.gain_e_per_dn;
@@ -69,7 +67,6 @@ impl FrameScale {
 
 /// Returns the sights in a frame of a pattern; pixels in electrons per second, those from `saturated_from` on are
 /// saturated.
-#[must_use]
 pub fn sights_of_frame(pattern: Pattern, frame: &Image<f64>, saturated_from: f64) -> Vec<Sight> {
     let at = |px| Sight { pattern, tracker_px: Some(px), flux: None, luminance: None, dot: None, is_saturated: false };
     match pattern {
@@ -110,7 +107,6 @@ fn blocks(frame: &Image<f64>) -> impl Iterator<Item = ([f64; 2], f64)> + '_ {
 }
 
 /// Returns the spots of a frame.
-#[must_use]
 pub fn spots(frame: &Image<f64>) -> Vec<Spot> {
     let mut values: Vec<f64> = frame.pixels().iter().copied().filter(|v| v.is_finite()).collect();
     if values.is_empty() {

@@ -109,13 +109,11 @@ impl Display {
     }
 
     /// Returns which monitor, how it is filled, which driver and which format.
-    #[must_use]
     pub fn description(&self) -> &str {
         &self.description
     }
 
     /// Returns the counts of frames and refreshes so far.
-    #[must_use]
     pub fn counts(&self) -> Counts {
         self.state.counters.read()
     }
@@ -136,19 +134,16 @@ impl Display {
     }
 
     /// Returns the submit times, oldest first, for one reader; when 4096 wait, further ones are lost and counted.
-    #[must_use]
     pub fn submits(&self) -> Receiver<Submitted> {
         self.submits.clone()
     }
 
     /// Returns the submit to light, as it was given.
-    #[must_use]
     pub fn latency(&self) -> Option<Span> {
         self.latency
     }
 
     /// Returns why nothing is shown any more, if so.
-    #[must_use]
     pub fn ended(&self) -> Option<&DisplayError> {
         self.state.ended()
     }

@@ -19,7 +19,6 @@ pub struct GreyPainter {
 impl GreyPainter {
     /// Returns a painter for pictures of `size_px` (columns, rows) on textures of `format`, which stores greys up to
     /// `most`. Failures go to the device's error callback.
-    #[must_use]
     pub fn new(device: &Device, format: TextureFormat, most: u16, size_px: [u32; 2]) -> Self {
         let shader = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("greys"),

@@ -56,7 +56,6 @@ pub const BUS_LINES_MAX: usize = UPLOADED_LINES_MAX + 3 * LINES_PER_AXIS + HARMO
 impl JitterTrack {
     /// Returns an empty track with capacity for this many configured lines and received points, for the lines of all
     /// tables that come over the bus, for those of a record, and for the knots of a long exposure.
-    #[must_use]
     pub fn with_capacity(lines: usize, points: usize) -> Self {
         let points = Vec::with_capacity(points + RECORD_POINTS_MAX + KNOTS_MAX);
         let lines = Vec::with_capacity(lines + BUS_LINES_MAX + RECORD_LINES);
@@ -97,7 +96,6 @@ pub struct JitterCoverage {
 
 impl JitterHistory {
     /// Returns a history without jitter. Points further than `max_gap` outside an exposure are not used for it.
-    #[must_use]
     pub fn new(limits: HistoryLimits, max_gap: Span) -> Self {
         Self {
             ring: EpochRing::new(limits),
@@ -201,7 +199,6 @@ impl JitterHistory {
     }
 
     /// Returns the largest error of taking the wheels' speeds as constant during an exposure, sensor axes, rad.
-    #[must_use]
     pub fn frozen_speed_bound_rad(&self, from: Tai, until: Tai) -> DVec3 {
         self.wheels.frozen_bound_rad(from, until)
     }
@@ -241,13 +238,11 @@ impl JitterHistory {
     }
 
     /// Returns true while samples are expected: a message of the stream arrived in the second before `at`.
-    #[must_use]
     pub fn is_streaming(&self, at: Tai) -> bool {
         self.stream.is_live(at)
     }
 
     /// Returns true when samples of an exposure that ends at `until` are still to come.
-    #[must_use]
     pub fn is_behind(&self, until: Tai) -> bool {
         self.stream.is_behind(self.ring.newest().map(|point| point.at), until)
     }
@@ -259,14 +254,12 @@ impl JitterHistory {
     }
 
     /// Returns the counts of accepted and refused points.
-    #[must_use]
     pub fn counts(&self) -> HistoryCounts {
         self.counts
     }
 
     /// Returns an empty track with capacity for everything this history can put into it, so that filling never
     /// allocates.
-    #[must_use]
     pub fn new_track(&self) -> JitterTrack {
         let lines_epoch = self.lines_epoch;
         JitterTrack { lines_epoch, ..JitterTrack::with_capacity(self.lines.len(), self.capacity) }

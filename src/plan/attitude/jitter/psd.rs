@@ -126,7 +126,6 @@ impl Band<'_> {
 }
 
 /// Returns the power of a density per axis, rad^2: the variance of the noise.
-#[must_use]
 pub fn psd_variance(points: &[PsdPoint]) -> DVec3 {
     let power = |axis| Band { points, axis }.pieces().map(|piece| piece.power_to(piece.high_hz)).sum();
     DVec3::from_array([0, 1, 2].map(power))

@@ -100,25 +100,21 @@ impl JitterRecord {
     }
 
     /// Returns the time between samples, s.
-    #[must_use]
     pub fn period_s(&self) -> f64 {
         self.period_s
     }
 
     /// Returns the samples, rad.
-    #[must_use]
     pub fn samples(&self) -> &[DVec3] {
         &self.samples
     }
 
     /// Returns its duration, s.
-    #[must_use]
     pub fn duration_s(&self) -> f64 {
         self.period_s * self.samples.len() as f64
     }
 
     /// Returns the behaviour after its last sample.
-    #[must_use]
     pub fn end(&self) -> RecordEnd {
         self.end
     }

@@ -80,7 +80,6 @@ impl JitterRecord {
     }
 
     /// Returns the power by frequency.
-    #[must_use]
     pub fn spectrum(&self) -> Vec<SpectrumBin> {
         let samples = self.samples();
         let length = (1_usize << samples.len().ilog2()).min(WINDOW_MAX);
@@ -114,7 +113,6 @@ impl JitterRecord {
 }
 
 /// Returns the power of a spectrum in a band, rad^2: from the first frequency on, below the second.
-#[must_use]
 pub fn band_power_rad2(spectrum: &[SpectrumBin], [from_hz, below_hz]: [f64; 2]) -> DVec3 {
     let inside = |bin: &&SpectrumBin| (from_hz..below_hz).contains(&bin.frequency_hz);
     spectrum.iter().filter(inside).map(|bin| bin.power_rad2).sum()
@@ -122,7 +120,6 @@ pub fn band_power_rad2(spectrum: &[SpectrumBin], [from_hz, below_hz]: [f64; 2]) 
 
 /// Returns the mean variance of the line of sight within an exposure, rad^2: each frequency counts by `1 - sinc^2(f
 /// T)`.
-#[must_use]
 pub fn smear_power_rad2(spectrum: &[SpectrumBin], exposure_s: f64) -> DVec3 {
     let within = |bin: &SpectrumBin| {
         let angle = PI * bin.frequency_hz * exposure_s;

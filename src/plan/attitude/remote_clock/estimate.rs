@@ -27,13 +27,11 @@ pub struct ClockEstimate {
 
 impl ClockEstimate {
     /// Returns the local time of a remote time.
-    #[must_use]
     pub fn to_tai(&self, remote_ns: i64) -> Tai {
         Tai::from_ns(remote_ns) + self.offset + self.drifted(remote_ns)
     }
 
     /// Returns the remote time, ns, of a local time: the inverse of [`Self::to_tai`] to 1 ns.
-    #[must_use]
     pub fn to_remote_ns(&self, local: Tai) -> i64 {
         let undrifted = local - self.offset;
         let since = Span::from_ns(undrifted.ns().saturating_sub(self.reference_remote_ns));
@@ -43,7 +41,6 @@ impl ClockEstimate {
 
     /// Returns one sigma at a remote time from the errors of offset and drift and the random walk of the drift (`q t^3
     /// / 3`). Offset and drift are taken as independent, and their errors are added: never too small.
-    #[must_use]
     pub fn sigma_at(&self, remote_ns: i64) -> Span {
         let since_s = Span::from_ns(remote_ns.saturating_sub(self.reference_remote_ns)).s().abs();
         let straight_s = self.offset_sigma.s() + self.drift_sigma * since_s;

@@ -120,7 +120,6 @@ pub struct RemoteClock {
 
 impl RemoteClock {
     /// Returns a clock without data; all memory is allocated here.
-    #[must_use]
     pub fn new(limits: RemoteClockLimits) -> Self {
         let walk = walk(&limits);
         let most_rate_ns_per_s = limits.most_drift * 1e9;
@@ -226,7 +225,6 @@ impl RemoteClock {
     }
 
     /// Returns the bus's delay, once pulses have measured it.
-    #[must_use]
     pub fn measured_delay(&self) -> Option<MeasuredDelay> {
         self.delay
     }
@@ -265,45 +263,38 @@ impl RemoteClock {
     }
 
     /// Returns the present estimate; `None` before the first mark.
-    #[must_use]
     pub fn estimate(&self) -> Option<ClockEstimate> {
         self.estimate
     }
 
     /// Returns the number of pairs of SYNC and TIME_FUP that were used since the start.
-    #[must_use]
     pub fn pairs(&self) -> u64 {
         self.pairs
     }
 
     /// Returns the number of pairs that were left out because they were too late.
-    #[must_use]
     pub fn late(&self) -> u64 {
         self.late
     }
 
     /// Returns the number of pairs that were left out because they were earlier than physically possible and no others
     /// agreed.
-    #[must_use]
     pub fn outliers(&self) -> u64 {
         self.outliers
     }
 
     /// Returns how often the line was shifted by less than a step because marks agreed that the delay has changed.
-    #[must_use]
     pub fn shifts(&self) -> u64 {
         self.shifts
     }
 
     /// Returns how often the remote clock was found to have stepped, or a step was withdrawn.
-    #[must_use]
     pub fn steps(&self) -> u64 {
         self.steps
     }
 
     /// Returns the instant of a tick count that was taken within 35.8 minutes of `near` (the receive time); `None`
     /// before the first mark. Resolution 1 us (ticks are whole microseconds, rounded down).
-    #[must_use]
     pub fn to_tai(&self, t_us: u32, near: Tai) -> Option<Tai> {
         let estimate = self.estimate()?;
         let near_us = estimate.to_remote_ns(near).div_euclid(1000);

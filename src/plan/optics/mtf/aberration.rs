@@ -12,7 +12,6 @@ pub const LARGEST_RMS_WAVES: f64 = 0.18;
 /// nothing.
 ///
 /// `None`: `rms_waves` is outside the domain.
-#[must_use]
 pub fn mtf(v: f64, rms_waves: f64) -> Option<f64> {
     (0.0..=LARGEST_RMS_WAVES).contains(&rms_waves).then(|| in_domain(v, rms_waves))
 }

@@ -8,13 +8,11 @@
 use core::f64::consts::PI;
 
 /// Returns the factor at `[fx, fy]` (cycles/px) of a square of width `width_px`.
-#[must_use]
 pub fn mtf(frequency: [f64; 2], width_px: f64) -> f64 {
     sinc(width_px * frequency[0]) * sinc(width_px * frequency[1])
 }
 
 /// Returns `sin(pi u) / (pi u)`, 1 at 0.
-#[must_use]
 pub fn sinc(u: f64) -> f64 {
     let angle = PI * u;
     if angle.abs() < 1e-5 { 1.0 - angle * angle / 6.0 } else { angle.sin() / angle }

@@ -55,13 +55,11 @@ impl Term {
 
     /// Returns the direction of the factor in tables, `[x, y]`: TDI is along the columns, the circuit along the rows,
     /// others are the same along both.
-    #[must_use]
     pub fn axis(self) -> [f64; 2] {
         if self == Self::Tdi { [0.0, 1.0] } else { [1.0, 0.0] }
     }
 
     /// Returns its name in tables.
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Diffraction => "diffraction",
@@ -107,7 +105,6 @@ impl MtfChain {
     }
 
     /// Returns its parameters.
-    #[must_use]
     pub fn params(&self) -> &ChainParams {
         &self.params
     }
@@ -118,7 +115,6 @@ impl MtfChain {
     }
 
     /// Returns true when columns and rows differ.
-    #[must_use]
     pub fn has_axes(&self) -> bool {
         self.is_on(Term::Tdi) || self.is_on(Term::Circuit)
     }
@@ -139,7 +135,6 @@ impl MtfChain {
 
     /// Returns the factor of one term alone at `[fx, fy]`, over the band. Exact defocus is its effect on diffraction,
     /// as a ratio; beyond the cutoff, where both are zero, it is 1.
-    #[must_use]
     pub fn term(&self, term: Term, frequency: [f64; 2]) -> f64 {
         let f = frequency[0].hypot(frequency[1]);
         let p = &self.params;
@@ -162,7 +157,6 @@ impl MtfChain {
     }
 
     /// Returns the round factors that depend on the wavelength, at the magnitude `f` of a frequency.
-    #[must_use]
     pub fn colored(&self, f: f64) -> f64 {
         let p = &self.params;
         let of = |c: &Color| {
@@ -176,7 +170,6 @@ impl MtfChain {
     }
 
     /// Returns the factors that do not depend on the wavelength: assembly, fabrication, the pixel, TDI and the circuit.
-    #[must_use]
     pub fn colorless(&self, frequency: [f64; 2]) -> f64 {
         let p = &self.params;
         let blur_px = p.assembly_um.hypot(p.fabrication_um) / p.pixel_pitch_um;
@@ -187,20 +180,17 @@ impl MtfChain {
     }
 
     /// Returns the whole chain at `[fx, fy]`, the pixel included: the transform of the light integrated over pixels.
-    #[must_use]
     pub fn product(&self, frequency: [f64; 2]) -> f64 {
         self.colored(frequency[0].hypot(frequency[1])) * self.colorless(frequency)
     }
 
     /// Returns the cutoff frequency of the pupil, the highest over all wavelengths, cycles/px.
-    #[must_use]
     pub fn cutoff(&self) -> f64 {
         self.colors.iter().map(|c| diffraction::cutoff(c.lambda_n_px)).fold(0.0, f64::max)
     }
 
     /// Returns the slope of the product at frequency 0, per cycle/px: `-s |f|`, whose transform is a wing of `s / (4
     /// pi^2 r^3)`.
-    #[must_use]
     pub fn slope_at_zero(&self) -> f64 {
         let of = |c: &Color| {
             let aberration = if c.rms_waves > 0.0 { aberration::slope_at_zero(c.rms_waves) } else { 0.0 };
@@ -211,7 +201,6 @@ impl MtfChain {
 
     /// Returns the standard deviation of the Gaussian with the same factor, without the pixel, at half the Nyquist
     /// frequency, px: the scale of the star's core.
-    #[must_use]
     pub fn core_sigma_px(&self) -> f64 {
         let f = 0.25;
         let seen = 0.5 * (self.product([f, 0.0]) + self.product([0.0, f]));
@@ -220,7 +209,6 @@ impl MtfChain {
     }
 
     /// Returns the mean wavelength of the electrons, nm.
-    #[must_use]
     pub fn mean_wavelength_nm(&self) -> f64 {
         self.colors.iter().map(|c| c.light.weight * c.light.wavelength_nm).sum()
     }

@@ -85,7 +85,6 @@ pub struct ChainParams {
 
 impl ChainParams {
     /// Returns parameters with only the diffraction and the pixel at one wavelength.
-    #[must_use]
     pub fn diffraction(pixel_pitch_um: f64, f_number: f64, obscuration: f64, wavelength_nm: f64) -> Self {
         Self {
             pixel_pitch_um,
@@ -104,7 +103,6 @@ impl ChainParams {
     }
 
     /// Returns the same parameters in a band, for a star of this BP-RP.
-    #[must_use]
     pub fn in_band(&self, band: &Band, bp_rp: f64) -> Self {
         Self { band: spectral_weights(band, bp_rp, WAVELENGTHS), ..self.clone() }
     }

@@ -20,7 +20,6 @@ pub struct Circuit {
 pub const LOWEST_CUTOFF: f64 = 0.1;
 
 /// Returns the factor at `fx` (cycles/px, along the rows).
-#[must_use]
 pub fn mtf(fx: f64, circuit: Circuit) -> f64 {
     let ratio = (fx / circuit.cutoff).abs();
     #[allow(clippy::cast_possible_wrap, reason = "a handful of poles")]

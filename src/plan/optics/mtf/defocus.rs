@@ -28,7 +28,6 @@ pub const GEOMETRIC_LARGE_WAVES: f64 = 5.0;
 pub const GEOMETRIC_ERROR: f64 = 0.1;
 
 /// Returns the wavefront error at the edge of the pupil, waves, of a focus error in um at a wavelength in nm.
-#[must_use]
 pub fn w20_waves(defocus_um: f64, f_number: f64, wavelength_nm: f64) -> f64 {
     defocus_um * 1e3 / (8.0 * f_number * f_number * wavelength_nm)
 }
@@ -36,13 +35,11 @@ pub fn w20_waves(defocus_um: f64, f_number: f64, wavelength_nm: f64) -> f64 {
 /// Returns the geometric form at the share `v` of the diffraction cutoff; multiplies the diffraction term.
 ///
 /// `None`: outside its domain.
-#[must_use]
 pub fn geometric(v: f64, w20_waves: f64, obscuration: f64) -> Option<f64> {
     holds_geometrically(w20_waves).then(|| blur_disc(v, w20_waves, obscuration))
 }
 
 /// Returns true when a wavefront error is in the domain of the geometric form.
-#[must_use]
 pub fn holds_geometrically(w20_waves: f64) -> bool {
     w20_waves.abs() <= GEOMETRIC_SMALL_WAVES || w20_waves.abs() >= GEOMETRIC_LARGE_WAVES
 }
@@ -68,7 +65,6 @@ pub struct DefocusedPupil {
 
 impl DefocusedPupil {
     /// Returns the pupil; `None` for more than [`LARGEST_W20_WAVES`].
-    #[must_use]
     pub fn new(w20_waves: f64, obscuration: f64) -> Option<Self> {
         let size = w20_waves.abs();
         // Up to W20 oscillations of the integrand on a piece, half of them in its middle third; 24 nodes are needed in
@@ -80,7 +76,6 @@ impl DefocusedPupil {
     }
 
     /// Returns the factor at the share `v` of the diffraction cutoff.
-    #[must_use]
     pub fn mtf(&self, v: f64) -> f64 {
         let (v, e) = (v.abs(), self.obscuration);
         if v >= 1.0 {

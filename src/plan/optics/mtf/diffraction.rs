@@ -9,13 +9,11 @@
 use core::f64::consts::PI;
 
 /// Returns the factor at `frequency` (cycles/px); `lambda_n_px` is wavelength times F-number over pixel pitch.
-#[must_use]
 pub fn mtf(frequency: f64, lambda_n_px: f64, obscuration: f64) -> f64 {
     at_share_of_cutoff(frequency.abs() * lambda_n_px, obscuration)
 }
 
 /// Returns the cutoff frequency, cycles/px.
-#[must_use]
 pub fn cutoff(lambda_n_px: f64) -> f64 {
     1.0 / lambda_n_px
 }
@@ -38,7 +36,6 @@ pub(super) fn at_share_of_cutoff(v: f64, e: f64) -> f64 {
 /// `r^-3`.
 ///
 /// `a(R, R)` loses `2 R` per unit of distance, the inner circle nothing: `-(4 + 4 e) / (pi (1 - e^2))`.
-#[must_use]
 pub fn slope_at_zero(obscuration: f64) -> f64 {
     -4.0 / (PI * (1.0 - obscuration))
 }

@@ -55,7 +55,6 @@ pub enum Side {
 impl Diffusion {
     /// Returns the factor at `frequency` (cycles/um) for light of `wavelength_nm`; `None` when its absorption is
     /// unknown.
-    #[must_use]
     pub fn mtf(&self, frequency: f64, wavelength_nm: f64) -> Option<f64> {
         match self {
             Self::Gaussian { sigma_um } => Some(gaussian::mtf(frequency, *sigma_um)),
@@ -66,7 +65,6 @@ impl Diffusion {
 
 impl Layers {
     /// Returns the factor at `frequency` (cycles/um) for an absorption coefficient in 1/um.
-    #[must_use]
     pub fn mtf(&self, frequency: f64, absorption_per_um: f64) -> f64 {
         self.collected(frequency, absorption_per_um) / self.collected(0.0, absorption_per_um)
     }

@@ -7,13 +7,11 @@
 use core::f64::consts::PI;
 
 /// Returns the factor at `frequency` (cycles/px) of a blur of standard deviation `sigma_px`.
-#[must_use]
 pub fn mtf(frequency: f64, sigma_px: f64) -> f64 {
     (-2.0 * (PI * sigma_px * frequency).powi(2)).exp()
 }
 
 /// Returns the frequency above which the factor is below `least`, cycles/px.
-#[must_use]
 pub fn cutoff(sigma_px: f64, least: f64) -> f64 {
     (-0.5 * least.ln()).sqrt() / (PI * sigma_px)
 }

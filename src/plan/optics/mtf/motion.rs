@@ -19,31 +19,26 @@ use crate::optics::mtf::aperture::sinc;
 use core::f64::consts::{PI, TAU};
 
 /// Returns the factor of motion at constant speed over `length_px`.
-#[must_use]
 pub fn smear(frequency: f64, length_px: f64) -> f64 {
     sinc(length_px * frequency)
 }
 
 /// Returns the factor of a sinusoid of `amplitude_px` over whole cycles.
-#[must_use]
 pub fn sinusoid(frequency: f64, amplitude_px: f64) -> f64 {
     libm::j0(TAU * amplitude_px * frequency)
 }
 
 /// Returns the factor of the discrete steps of the charge, `phases` to a pixel, under an image that moves evenly.
-#[must_use]
 pub fn tdi_steps(frequency: f64, phases: u32) -> f64 {
     sinc(frequency / f64::from(phases))
 }
 
 /// Returns the factor of TDI: steps and mismatch.
-#[must_use]
 pub fn tdi(frequency: f64, TdiBlur { stages, phases, mismatch_px }: TdiBlur) -> f64 {
     tdi_steps(frequency, phases) * tdi_mismatch(frequency, stages, mismatch_px)
 }
 
 /// Returns the factor of a drift of `mismatch_px` between image and charge from one of `stages` to the next.
-#[must_use]
 pub fn tdi_mismatch(frequency: f64, stages: u32, mismatch_px: f64) -> f64 {
     let angle = PI * mismatch_px * frequency;
     let n = f64::from(stages);

@@ -38,7 +38,6 @@ const EXTINCTION: [(f64, f64); 26] = [
 ];
 
 /// Returns the absorption coefficient, 1/um; `None` outside 300 to 1100 nm.
-#[must_use]
 pub fn absorption_per_um(wavelength_nm: f64) -> Option<f64> {
     let pair = EXTINCTION.windows(2).find(|pair| (pair[0].0..=pair[1].0).contains(&wavelength_nm))?;
     let ((from, low), (to, high)) = (pair[0], pair[1]);

@@ -36,7 +36,6 @@ pub enum Light<'a> {
 
 impl Light<'_> {
     /// Returns whether pixels of the image have directions on the sky.
-    #[must_use]
     pub fn is_on_sky(self) -> bool {
         match self {
             Self::Sky => true,

@@ -83,7 +83,6 @@ pub enum NextSlot {
 
 impl NextSlot {
     /// Returns the slot, if there is one.
-    #[must_use]
     pub fn slot(self) -> Option<Slot> {
         match self {
             Self::Slot(slot) => Some(slot),
@@ -92,7 +91,6 @@ impl NextSlot {
     }
 
     /// Returns true when no further frame can come at an instant.
-    #[must_use]
     pub fn is_over(self, now: Tai) -> bool {
         match self {
             Self::Slot(_) => false,
@@ -139,7 +137,6 @@ pub struct Shutter {
 
 impl Shutter {
     /// Returns a shutter; without a range every command is refused.
-    #[must_use]
     pub fn new(params: ShutterParams, range: Option<CameraRange>) -> Self {
         let mut shutter = Self {
             params,
@@ -157,37 +154,31 @@ impl Shutter {
     }
 
     /// Returns the range of values that commands may set; `None`: nothing.
-    #[must_use]
     pub fn range(&self) -> Option<&CameraRange> {
         self.range.as_ref()
     }
 
     /// Returns the range of values that commands may set while these regions are read out.
-    #[must_use]
     pub fn range_reading(&self, regions: &Regions) -> Option<CameraRange> {
         self.whole_range.map(|range| range.reading(regions))
     }
 
     /// Returns the start settings of exposures according to the commands up to the last exposure.
-    #[must_use]
     pub fn start(&self) -> &StartSettings {
         self.state.start()
     }
 
     /// Returns the start settings of exposures according to all commands so far.
-    #[must_use]
     pub fn next_start(&self) -> StartSettings {
         *self.walk().state.start()
     }
 
     /// Returns the next slot according to the commands so far.
-    #[must_use]
     pub fn next(&self) -> NextSlot {
         self.next
     }
 
     /// Returns the settings of the next slot's exposure.
-    #[must_use]
     pub fn settings(&self) -> &CameraSettings {
         &self.settings
     }
@@ -198,7 +189,6 @@ impl Shutter {
     }
 
     /// Returns how many further commands may wait.
-    #[must_use]
     pub fn places(&self) -> usize {
         PLACES.saturating_sub(self.commands.len())
     }
@@ -237,7 +227,6 @@ impl Shutter {
     }
 
     /// Returns the slot of frame `number` without commands.
-    #[must_use]
     pub fn nominal(&self, number: u32) -> Slot {
         let start = self.params.first_exposure + Span::from_ns(self.params.period.ns() * i64::from(number));
         self.slot(number, start, &self.params.settings, Started::Rate)
@@ -245,7 +234,6 @@ impl Shutter {
 
     /// Returns the number of exposures of a run without commands: fewer than its periods where exposures, or their
     /// readouts, last longer than a period. They are evenly spaced: the number of all follows from the first two.
-    #[must_use]
     pub fn own_exposures(&self) -> u64 {
         let mut alone = Self::new(self.params, self.whole_range);
         let Some(first) = alone.next.slot() else { return 0 };
@@ -259,13 +247,11 @@ impl Shutter {
     }
 
     /// Returns the settings of exposures without commands.
-    #[must_use]
     pub fn nominal_settings(&self) -> &CameraSettings {
         &self.params.settings
     }
 
     /// Returns the slot of an exposure.
-    #[must_use]
     pub fn slot(&self, number: u32, exposure_start: Tai, settings: &CameraSettings, started: Started) -> Slot {
         let exposure_end = exposure_start + settings.exposure;
         let release = exposure_end - self.params.ahead;

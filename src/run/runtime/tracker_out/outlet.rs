@@ -190,7 +190,6 @@ impl Outlet {
     }
 
     /// Takes part in the run's simulated bus.
-    #[must_use]
     pub fn bus(bus: &SimulatedBus) -> Self {
         Self::new(Lines::Bus(bus.attach()), "the run's bus".into())
     }
@@ -208,13 +207,11 @@ impl Outlet {
     }
 
     /// Where packets go, for people.
-    #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
 
     /// True when clients may send commands at any time.
-    #[must_use]
     pub fn has_clients(&self) -> bool {
         match &self.lines {
             Lines::Udp(_, params) => params.has_clients,

@@ -52,7 +52,6 @@ struct State {
 
 impl OutShared {
     /// Returns those of a tracker that has no line yet.
-    #[must_use]
     pub fn new(place: String, protocol: &'static str) -> Self {
         Self { place, protocol, state: Mutex::default() }
     }
@@ -62,13 +61,11 @@ impl OutShared {
     }
 
     /// Returns its numbers so far.
-    #[must_use]
     pub fn counts(&self) -> OutCounts {
         self.state().counts.clone()
     }
 
     /// Returns where its packets go.
-    #[must_use]
     pub fn output(&self) -> String {
         self.state().output.clone()
     }

@@ -52,7 +52,6 @@ impl Seen {
     }
 
     /// Returns the end of the exposure.
-    #[must_use]
     pub fn exposure_end(&self) -> Tai {
         self.mid_exposure + Span::from_s(0.5 * self.exposure_s)
     }
@@ -105,7 +104,6 @@ pub struct TrackerTap {
 }
 
 /// Puts a tracker beside the sinks of its head; `size_px` is of its images, zeros where it does not look at any.
-#[must_use]
 pub fn tracker_tap(
     inner: Box<dyn Sink>,
     size_px: Option<[usize; 2]>,

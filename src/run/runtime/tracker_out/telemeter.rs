@@ -86,7 +86,6 @@ impl Answers {
 
 impl Telemeter {
     /// Returns a tracker that is switched on now.
-    #[must_use]
     pub fn new(
         params: TelemeterParams,
         (eyes, device): (TrackerEyes, Box<dyn Device>),
@@ -126,7 +125,6 @@ impl Telemeter {
     }
 
     /// Returns the queue of frames, for whoever waits for the next.
-    #[must_use]
     pub fn frames(&self) -> &crossbeam_channel::Receiver<Seen> {
         &self.frames.full
     }
@@ -162,7 +160,6 @@ impl Telemeter {
     }
 
     /// When it next has something to do without being asked.
-    #[must_use]
     pub fn next_due(&self) -> Option<Tai> {
         let ready = self.waiting.front().map(|(at, _)| *at);
         let late = self.late.iter().map(|(at, _)| *at).min();
@@ -170,7 +167,6 @@ impl Telemeter {
     }
 
     /// True when its line brings commands of clients, which come at any time.
-    #[must_use]
     pub fn has_clients(&self) -> bool {
         self.outlet.has_clients()
     }

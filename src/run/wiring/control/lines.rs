@@ -22,7 +22,6 @@ pub struct ControlAddress {
 
 impl ControlAddress {
     /// Returns the address if it is a loopback address.
-    #[must_use]
     pub fn of(address: SocketAddr) -> Option<Self> {
         address.ip().is_loopback().then_some(Self { address })
     }

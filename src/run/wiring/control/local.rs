@@ -55,19 +55,16 @@ impl LocalSession {
     }
 
     /// Returns the newest frame of a head; `None` before its first, or for a head that does not exist.
-    #[must_use]
     pub fn newest(&self, head: usize) -> Option<&SentFrame> {
         self.newest.newest(head)
     }
 
     /// Returns true when all frames of the run have gone out.
-    #[must_use]
     pub fn is_finished(&self) -> bool {
         self.going.is_finished()
     }
 
     /// Ends the run where it is.
-    #[must_use]
     pub fn end(mut self) -> (Scenario, RunEnd) {
         let error = self.going.finish_early(&mut |_, _, _| true);
         (self.scenario, self.going.end(error.err()))

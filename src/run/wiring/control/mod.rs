@@ -89,14 +89,12 @@ impl ControlListener {
     }
 
     /// Returns its address, and the token with its file, a line each.
-    #[must_use]
     pub fn announcement(&self) -> String {
         let Self { address, token, file, .. } = self;
         format!("control: listening on {address}\ncontrol: token {token}, also in {}", file.path.display())
     }
 
     /// Waits for a client with the token; returns `None` when `stop` came first. Frames may be written below `output`.
-    #[must_use]
     pub fn accept(self, scenario: &Scenario, output: Option<&Path>, stop: &AtomicBool) -> Option<ControlSession> {
         let Self { listener, token, file, .. } = self;
         let mut refusals = ControlRefusals::new();
@@ -221,7 +219,6 @@ impl ControlSession {
     }
 
     /// Returns the number of connections refused before and during the session, by reason.
-    #[must_use]
     pub fn refusals(&self) -> &ControlRefusals {
         &self.refusals
     }

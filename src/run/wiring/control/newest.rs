@@ -28,7 +28,6 @@ struct HeadFrames {
 
 impl NewestFrames {
     /// Returns an empty store for this many heads; frames may be written below `output`.
-    #[must_use]
     pub fn new(heads: usize, output: Option<&Path>) -> Self {
         Self { heads: (0..heads).map(|_| HeadFrames::default()).collect(), output: output.map(Path::to_path_buf) }
     }

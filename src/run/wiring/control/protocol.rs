@@ -148,7 +148,6 @@ pub fn parse(line: &str) -> (Option<Value>, Result<Request, String>) {
 }
 
 /// Returns a reply with an error message.
-#[must_use]
 pub fn refused(id: Option<Value>, why: &str) -> Value {
     let mut reply = json!({ "ok": false, "error": why });
     echo(id, &mut reply);
@@ -156,7 +155,6 @@ pub fn refused(id: Option<Value>, why: &str) -> Value {
 }
 
 /// Returns a reply with an answer, which must be an object.
-#[must_use]
 pub fn reported(id: Option<Value>, answer: Value) -> Value {
     let mut reply = answer;
     reply["ok"] = Value::Bool(true);

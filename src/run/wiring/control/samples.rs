@@ -62,7 +62,6 @@ impl SampleList {
     }
 
     /// Returns the samples by the clock of a run whose first exposure is at `zero`.
-    #[must_use]
     pub fn since(&self, zero: Tai) -> Vec<PlantSample> {
         let sample = |(t_s, said): &(f64, Said)| {
             let nothing = PlantSample::at(zero + Span::from_s(*t_s));

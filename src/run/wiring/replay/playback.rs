@@ -23,31 +23,26 @@ pub struct ReplayOutcome {
 
 impl ReplayOutcome {
     /// Returns the number of frames that were drawn.
-    #[must_use]
     pub fn drawn(&self) -> u64 {
         self.heads.iter().map(|head| head.drawn).sum()
     }
 
     /// Returns the number of frames that were compared with the capture.
-    #[must_use]
     pub fn compared(&self) -> u64 {
         self.heads.iter().map(|head| head.compared).sum()
     }
 
     /// Returns the number of frames that went out and could not be compared.
-    #[must_use]
     pub fn uncompared(&self) -> u64 {
         self.heads.iter().map(|head| head.uncompared).sum()
     }
 
     /// Returns the number of compared frames that are not bit-identical.
-    #[must_use]
     pub fn differing(&self) -> u64 {
         self.heads.iter().map(|head| head.differing).sum()
     }
 
     /// Returns the earliest frame that is not bit-identical.
-    #[must_use]
     pub fn first(&self) -> Option<Difference> {
         self.heads.iter().filter_map(|head| head.first).min_by_key(|first| (first.frame, first.head))
     }

@@ -91,7 +91,6 @@ impl Recording {
     }
 
     /// Captures the packets of a link of this number.
-    #[must_use]
     pub fn tap(&self, link: Box<dyn Link>, number: usize) -> Box<dyn Link> {
         Box::new(self.capture.tap(link, u8::try_from(number).unwrap_or(u8::MAX)))
     }
@@ -114,7 +113,6 @@ impl Recording {
     }
 
     /// Returns the recorder for the samples of a plant in lockstep, if the run has one.
-    #[must_use]
     pub fn samples(&self) -> Option<SampleTap> {
         self.samples.clone()
     }

@@ -45,7 +45,6 @@ impl<R: BufRead> RowReader<R> {
     }
 
     /// Returns true when the last line was cut off, as by a power cut; it is left out.
-    #[must_use]
     pub fn is_cut_off(&self) -> bool {
         self.lines.is_cut_off()
     }

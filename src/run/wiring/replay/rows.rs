@@ -47,7 +47,6 @@ pub enum RowForm {
 
 impl RowForm {
     /// Returns the form whose first line is this.
-    #[must_use]
     pub fn of_header(line: &str) -> Option<Self> {
         [(HEADER_OF_ONE, Self::One), (HEADER_OF_TWO, Self::Two), (HEADER, Self::Three)]
             .into_iter()

@@ -200,7 +200,6 @@ impl Session {
     }
 
     /// Returns when the run's clock started.
-    #[must_use]
     pub fn start(&self) -> Tai {
         Tai::from_ns(self.start_tai_ns)
     }
@@ -263,7 +262,6 @@ impl Session {
     }
 
     /// Returns reasons to doubt a replay, a sentence each.
-    #[must_use]
     pub fn doubts(&self) -> Vec<String> {
         let Some(end) = &self.end else {
             return vec!["the run was cut off: what was written until then is replayed".into()];
