@@ -3,8 +3,7 @@
 //! `STARLOOP_COMMIT` names it without a repository, such as in a package's own build; without either the commit is
 //! "unknown". A commit with changes ends in `-dirty`.
 
-use std::path::Path;
-use std::process::Command;
+use std::{path::Path, process::Command};
 
 /// Digits of a commit: enough for any repository.
 const DIGITS: &str = "--abbrev=12";

@@ -5,10 +5,9 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
-use firmware_protocol::Message;
 use firmware_protocol::can::{self, CanFrame, CanId, Decoder, Format, IdMap};
 use firmware_protocol::message::{Command, PointingAngle, Refusal, Reply, Request, Response, StatusPage, frame_flag};
-use firmware_protocol::version::Version;
+use firmware_protocol::{Message, version::Version};
 
 const COMMAND_ID: u16 = 0x603;
 const RESPONSE_ID: u16 = 0x583;

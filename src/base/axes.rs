@@ -18,9 +18,7 @@
 //! let wrong = a * b;
 //! ```
 
-use core::f64::consts::TAU;
-use core::marker::PhantomData;
-use core::ops::Mul;
+use core::{f64::consts::TAU, marker::PhantomData, ops::Mul};
 use glam::{DMat3, DQuat, DVec3};
 
 /// Largest difference from 1 of the norm of a quaternion that a person, a table or a message in single precision gives:

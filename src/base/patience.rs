@@ -3,12 +3,10 @@
 //! A disk, network or reader that is gone blocks a thread without limit. A run must end all the same, so a thread that
 //! waits for a blocked one counts the wall time in which it finished nothing. Test: below.
 
-use crate::clock::Stopwatch;
-use crate::time::Span;
+use crate::{clock::Stopwatch, time::Span};
 use core::sync::atomic::{AtomicBool, Ordering};
 use crossbeam_channel::{SendTimeoutError, Sender};
-use std::thread::JoinHandle;
-use std::time::Duration;
+use std::{thread::JoinHandle, time::Duration};
 
 /// A thread that finishes nothing for this long at the end of a run is given up.
 pub const END_PATIENCE: Span = Span::from_ms(5_000);

@@ -2,8 +2,7 @@
 //!
 //! The text form reads back to the same name. A star of a catalog of one's own has its plain number. Tests: below.
 
-use core::fmt;
-use core::str::FromStr;
+use core::{fmt, str::FromStr};
 
 /// A star's name in its source catalog.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

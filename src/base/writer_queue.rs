@@ -6,8 +6,7 @@
 use crate::patience::{join_or_give_up, put_in_time};
 use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use crossbeam_channel::{Receiver, Sender, TrySendError, bounded};
-use std::sync::Arc;
-use std::thread::JoinHandle;
+use std::{sync::Arc, thread::JoinHandle};
 
 /// Where items for the writer are put; clones put them into the same queue.
 #[derive(Debug)]

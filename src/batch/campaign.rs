@@ -5,9 +5,8 @@
 
 use config::{Event, Scenario};
 use frames::sink::NullSink;
-use run::wiring::error::LoopError;
 use run::wiring::fault_schedule::{ScheduleLimits, fault_schedule};
-use run::wiring::stepped::SteppedRun;
+use run::wiring::{error::LoopError, stepped::SteppedRun};
 use serde::Serialize;
 use testbed::acs::Mode;
 

@@ -4,13 +4,11 @@
 //! Input: a bench. Output: a table, files with `--report`, and an exit status for scripts: 3 when the budget is broken.
 //! What is not given in `[budget]` is derived: the whole from the readout time, drawing from the planner's time.
 
-use crate::cli::budget_report::budget_report;
-use crate::cli::load_threads::LoadThreads;
-use crate::cli::report_json::print_json;
-use crate::cli::run;
 use crate::cli::run_args::{BackendName, CaptureFormatName, ClockKind, RunArgs, SinkKind};
-use crate::cli::run_verdict::verdict_line;
-use crate::cli::{EXIT_DONE, EXIT_INCOMPLETE, EXIT_OVER_BUDGET, budget_files};
+use crate::cli::{EXIT_DONE, EXIT_INCOMPLETE, EXIT_OVER_BUDGET, budget_files, run};
+use crate::cli::{
+    budget_report::budget_report, load_threads::LoadThreads, report_json::print_json, run_verdict::verdict_line,
+};
 use anyhow::Result;
 use clap::Args;
 use frames::report::budget_table;

@@ -4,13 +4,11 @@
 //! The planner's costs are scaled by what the frame really took: on a loaded machine they are too low. The planner
 //! changes drawing only; other stages are reported as beyond it.
 
-use crate::cli::frame_plan::FramePlans;
-use crate::cli::run_finished::Finished;
+use crate::cli::{frame_plan::FramePlans, run_finished::Finished};
 use anyhow::Result;
 use frames::report::{BudgetLine, LineVerdict, Stage};
 use plan::exposure::{Degradation, ExposurePlan};
-use run::runtime::load::ratio_of;
-use run::wiring::bench_parts;
+use run::{runtime::load::ratio_of, wiring::bench_parts};
 use testbed::flight_computer::FlightComputer;
 
 /// Returns lines of advice; none when nothing is broken.

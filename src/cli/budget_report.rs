@@ -1,8 +1,6 @@
 //! The times of a finished run against its limits: those of `[budget]`, and those derived where it names none.
 
-use crate::cli::budget_advice::advice;
-use crate::cli::run_args::ClockKind;
-use crate::cli::run_finished::Finished;
+use crate::cli::{budget_advice::advice, run_args::ClockKind, run_finished::Finished};
 use anyhow::Result;
 use config::Bench;
 use frames::report::{BudgetLimits, BudgetReport, Stage, budget_lines};

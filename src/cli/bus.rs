@@ -1,12 +1,10 @@
 //! `starloop bus`: a simulated CAN bus with gateways, so that programs without CAN in their kernel can talk.
 
-use crate::cli::report_json::json_line;
-use crate::cli::run_end::say_losses;
 use crate::cli::{EXIT_DONE, EXIT_LOST, signals};
+use crate::cli::{report_json::json_line, run_end::say_losses};
 use anyhow::{Context, Result, bail};
 use base::clock::{Clock, Monotonic, Stopwatch};
-use base::streams::Output;
-use base::time::Span;
+use base::{streams::Output, time::Span};
 use clap::{Args, ValueEnum};
 use frames::report::Losses;
 use link::gateway::{GatewayCounters, GatewayKind, GatewayParams, Gateways, TcpAddress};
@@ -14,9 +12,7 @@ use link::simulated::{BusModel, BusParams, BusStatistics, BusTiming, SimulatedBu
 use run::wiring::cable::{gateway_name, gateway_notes};
 use serde::Serialize;
 use std::io::{IsTerminal, Write};
-use std::path::PathBuf;
-use std::sync::Arc;
-use std::time::Duration;
+use std::{path::PathBuf, sync::Arc, time::Duration};
 
 /// Command line of `bus`.
 #[derive(Debug, Args)]

@@ -3,17 +3,15 @@
 //! `starloop calibrate` alone means `starloop calibrate costs`; `starloop calibrate display` is a file of its own.
 
 use crate::cli::calibrate_display::{self, DisplayArgs};
-use crate::cli::report_json::print_json;
-use crate::cli::run_args::BackendName;
+use crate::cli::{report_json::print_json, run_args::BackendName};
 use anyhow::{Context, Result};
 use base::clock::{Clock, Monotonic, Stopwatch};
 use clap::{Args, Subcommand};
 use core::fmt::Write as _;
 use plan::exposure::cost::CostModel;
-use run::runtime::Imager;
 use run::runtime::calibrate::{Calibration, Effort, calibrate};
 use run::runtime::cost_cache::{self, CachedCost, CostOwner};
-use run::wiring::bench_parts::backend_choice;
+use run::{runtime::Imager, wiring::bench_parts::backend_choice};
 use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
 

@@ -7,22 +7,18 @@
 
 use crate::cli::calibrate_display_output::{PLAN, REPORTED_CYCLE, announce, now, write_pattern, write_plan};
 use crate::cli::calibrate_display_simulate::{SimulateArgs, simulate};
-use crate::cli::display_latency::CornerWord;
 use crate::cli::display_measurements::{Measurements, date_of, earlier, measurements_of_folder, sights_of_table};
-use crate::cli::named_camera::named_camera;
+use crate::cli::{display_latency::CornerWord, named_camera::named_camera};
 use anyhow::{Context, Result, bail};
 use base::input_file::{DATA_BYTES, InputFile};
 use base::time::{Span, Tai};
 use clap::{Args, Subcommand};
 use config::Camera;
-use outputs::display::beat::BeatInput;
-use outputs::display::calibration::fit::FitOptions;
-use outputs::display::calibration::report::reported;
 use outputs::display::calibration::{Calibration, DisplayIdentity, Grid, Pattern, Plan, Tracker, TrackerIdentity, fit};
-use outputs::display::dither::Dither;
-use outputs::display::latency::Latency;
-use run::wiring::camera_parts::camera_params;
-use run::wiring::display_parts::SPOT_SIGMA_PX;
+use outputs::display::{
+    beat::BeatInput, calibration::fit::FitOptions, calibration::report::reported, dither::Dither, latency::Latency,
+};
+use run::wiring::{camera_parts::camera_params, display_parts::SPOT_SIGMA_PX};
 use sky::astrometry::CameraGeometry;
 use std::path::PathBuf;
 

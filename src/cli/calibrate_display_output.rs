@@ -4,9 +4,8 @@ use anyhow::{Context, Result};
 use base::clock::{Clock, Monotonic};
 use base::time::Tai;
 use frames::sink::{png, write_file_atomically};
-use outputs::display::calibration::report::reported;
 use outputs::display::calibration::{Fitted, Pattern, Plan};
-use outputs::display::dither::Dither;
+use outputs::display::{calibration::report::reported, dither::Dither};
 use std::path::Path;
 
 /// Name of the plan in its folder.

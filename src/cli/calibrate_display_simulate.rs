@@ -8,15 +8,12 @@ use clap::Args;
 use config::{Camera, Document};
 use frames::sink::write_file_atomically;
 use glam::DVec2;
-use outputs::display::calibration::fit::FitOptions;
-use outputs::display::calibration::measurement::write_csv;
 use outputs::display::calibration::spots::{FrameScale, sights_of_frame};
 use outputs::display::calibration::{
     DisplayIdentity, Fitted, Grid, Pattern, Plan, Sight, Tracker, TrackerIdentity, fit,
 };
-use outputs::display::latency::Latency;
-use run::wiring::camera_parts::camera_params;
-use run::wiring::display_parts::SPOT_SIGMA_PX;
+use outputs::display::{calibration::fit::FitOptions, calibration::measurement::write_csv, latency::Latency};
+use run::wiring::{camera_parts::camera_params, display_parts::SPOT_SIGMA_PX};
 use std::path::{Path, PathBuf};
 use testbed::display_bench::{BenchTruth, DisplayBench};
 

@@ -9,12 +9,8 @@ use clap::Args;
 use config::{Document, Scenario};
 use core::sync::atomic::{AtomicU64, Ordering};
 use rayon::prelude::*;
-use run::wiring::error::LoopError;
-use run::wiring::memory::RunMemory;
-use std::io::Write;
-use std::path::PathBuf;
-use std::str::FromStr;
-use std::sync::Mutex;
+use run::wiring::{error::LoopError, memory::RunMemory};
+use std::{io::Write, path::PathBuf, str::FromStr, sync::Mutex};
 
 /// The scenario flown when none is named.
 const BUILT_IN_SCENARIO: &str = "scenarios/campaign.toml";

@@ -3,8 +3,7 @@
 use crate::cli::catalog_file::{mark, name_of};
 use crate::cli::catalog_progress::ProgressLine;
 use anyhow::ensure;
-use imports::published::add_bright;
-use imports::published::bright::BrightStars;
+use imports::published::{add_bright, bright::BrightStars};
 use stars::layer::Sorting;
 use std::path::PathBuf;
 

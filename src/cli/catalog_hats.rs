@@ -2,19 +2,17 @@
 //!
 //! What opens Parquet files is in `with_hats`, and in `without_hats` for a program built without the feature `hats`.
 
-use crate::cli::catalog_file::name_of;
-use crate::cli::catalog_progress::ProgressLine;
 #[cfg(feature = "hats")]
 use crate::cli::with_hats as hats;
 #[cfg(not(feature = "hats"))]
 use crate::cli::without_hats as hats;
+use crate::cli::{catalog_file::name_of, catalog_progress::ProgressLine};
 use anyhow::{Context, bail, ensure};
 use clap::Args;
 use imports::hats_folder::is_hats;
 use imports::published::gaia::{Names, import as import_gaia};
 use stars::layer::{Layer, Sorting};
-use std::io::Write;
-use std::path::PathBuf;
+use std::{io::Write, path::PathBuf};
 
 /// Rows that HATS importers commonly put into a partition at most.
 const MAX_ROWS: usize = 1_000_000;

@@ -1,20 +1,15 @@
 //! `starloop catalog import` and `verify`: published catalogs -> layers on disk, and whether they are whole.
 
 use crate::cli::catalog_bright::{self, BrightInput};
-use crate::cli::catalog_file::mark;
 use crate::cli::catalog_hats::{Input, inputs};
-use crate::cli::catalog_progress::ProgressLine;
-use crate::cli::folder;
-use crate::cli::report_json::json_line;
+use crate::cli::{catalog_file::mark, catalog_progress::ProgressLine, folder, report_json::json_line};
 use anyhow::{Context, bail, ensure};
 use clap::Args;
 use imports::published::gaia::{EPOCH_YR, Names};
-use stars::catalog::Catalog;
-use stars::credits;
 use stars::layer::{LEAST_MEMORY_BYTES, Layer, LayerReport, MEMORY_BYTES, Sorting, is_layer, layer_name};
-use std::collections::BTreeMap;
-use std::io::Write;
+use stars::{catalog::Catalog, credits};
 use std::path::{Path, PathBuf};
+use std::{collections::BTreeMap, io::Write};
 
 const MIB: usize = 1 << 20;
 

@@ -5,11 +5,9 @@ use anyhow::{Context, ensure};
 use clap::Args;
 use frames::sink::write_file_atomically;
 use imports::density_map::DensityMap;
-use stars::catalog::Catalog;
-use stars::galactic::galactic_rad;
 use stars::layer::{Layer, is_layer};
-use std::io::Write;
-use std::path::PathBuf;
+use stars::{catalog::Catalog, galactic::galactic_rad};
+use std::{io::Write, path::PathBuf};
 
 /// Arguments of `starloop catalog map`.
 #[derive(Debug, Args)]

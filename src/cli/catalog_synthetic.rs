@@ -1,17 +1,14 @@
 //! `starloop catalog synthesize`: layers of stars that are not real, in the numbers of the real sky.
 
 use crate::cli::catalog_layers::{print_layer, refuse_layers_that_are_there};
-use crate::cli::catalog_progress::ProgressLine;
 use crate::cli::degrees::{declination_deg, right_ascension_deg};
-use crate::cli::folder;
+use crate::cli::{catalog_progress::ProgressLine, folder};
 use anyhow::ensure;
-use base::source::direction_from_ra_dec;
-use base::units::DEG;
+use base::{source::direction_from_ra_dec, units::DEG};
 use clap::Args;
 use glam::DVec3;
 use imports::synthetic::{Population, credits};
-use std::io::Write;
-use std::path::PathBuf;
+use std::{io::Write, path::PathBuf};
 
 /// Most stars of a population: as many as Gaia has, and some; 32 GB.
 const MOST_STARS: f64 = 2e9;

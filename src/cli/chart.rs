@@ -1,13 +1,11 @@
 //! `starloop chart`: accuracy against speed, measured on this machine -> CSV tables and SVG charts in a folder.
 
-use crate::cli::folder;
-use crate::cli::report_json::print_json;
+use crate::cli::{folder, report_json::print_json};
 use anyhow::Result;
 use base::clock::Stopwatch;
 use batch::chart::{self, Backends, Settings, Step};
 use clap::{Args, ValueEnum};
-use frames::report::step_line;
-use frames::sink::write_file_atomically;
+use frames::{report::step_line, sink::write_file_atomically};
 use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
 

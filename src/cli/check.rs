@@ -1,24 +1,17 @@
 //! `starloop check`: is this bench or scenario sound, what does it mean, what will be drawn and at what error and cost.
 
 use crate::cli::calibrate::{Costs, costs_here};
-use crate::cli::check_bodies;
-use crate::cli::check_camera;
-use crate::cli::check_display;
 use crate::cli::check_display_stars::{self, DisplayLimits, display_limits};
-use crate::cli::check_files;
-use crate::cli::check_json::CheckFacts;
-use crate::cli::check_judged::judged;
-use crate::cli::check_light;
-use crate::cli::check_observer;
 use crate::cli::check_plan::{self, Planned};
-use crate::cli::check_scenario;
-use crate::cli::check_sight::Sight;
-use crate::cli::check_targets;
 use crate::cli::check_verdict::{verdict, warnings};
-use crate::cli::frame_plan::FramePlans;
 use crate::cli::radiometry_reported::{drawn_text, radiometry_text};
-use crate::cli::report_json::print_json;
-use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
+use crate::cli::{
+    EXIT_DONE, EXIT_NOT_MET, check_bodies, check_camera, check_display, check_files, check_light, check_observer,
+    check_scenario, check_targets,
+};
+use crate::cli::{
+    check_json::CheckFacts, check_judged::judged, check_sight::Sight, frame_plan::FramePlans, report_json::print_json,
+};
 use anyhow::Result;
 use base::clock::{Clock, Monotonic};
 use base::time::{Span, Tai};
@@ -28,12 +21,9 @@ use core::fmt::Write;
 use image::detector::cost::effect_costs;
 use outputs::display::calibration::Calibration;
 use run::runtime::{DeadlinePolicy, Imager, RunParams};
-use run::wiring::bench_parts;
-use run::wiring::display_parts::take_display;
 use run::wiring::memory::{RunForm, RunMemory};
-use run::wiring::motion::motion_scale;
-use run::wiring::sinks::described_lines;
-use run::wiring::tracker_outs;
+use run::wiring::{bench_parts, tracker_outs};
+use run::wiring::{display_parts::take_display, motion::motion_scale, sinks::described_lines};
 use stars::{Sky, StarIndex};
 use std::path::PathBuf;
 use testbed::flight_computer::FlightComputer;

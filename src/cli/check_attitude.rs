@@ -10,16 +10,14 @@ use base::units::{ARCSEC, DEG};
 use config::{Bench, JitterSource, Wire};
 use core::f64::consts::TAU;
 use core::fmt::{Error, Write};
-use firmware_protocol::MessageId;
-use firmware_protocol::can::CanFrame;
+use firmware_protocol::{MessageId, can::CanFrame};
 use glam::DVec3;
 use link::{CHUNK_MAX, Datagram, Packet, SerialChunk};
 use plan::attitude::{
     AttitudeAssessment, AttitudeMethod, AttitudeVerdict, MotionScale, PredictionErrors, Reach, Sinusoid,
     assess_methods, cheapest,
 };
-use run::runtime::RunParams;
-use run::wiring::bench_parts;
+use run::{runtime::RunParams, wiring::bench_parts};
 
 /// Four f32 of up to 1 are each wrong by up to 2^-25; an attitude turns by twice the error of its quaternion.
 const WIRE_QUATERNION_RAD: f64 = 4.0 / 33_554_432.0;

@@ -4,9 +4,7 @@ use anyhow::Result;
 use core::fmt::Write;
 use glam::DVec3;
 use plan::exposure::ExposurePlan;
-use scene::camera::CameraParams;
-use scene::discs;
-use scene::sky_bodies::SkyBodies;
+use scene::{camera::CameraParams, discs, sky_bodies::SkyBodies};
 
 /// Bodies whose limb is nearer to the field than this are reported, deg.
 const NEAR_DEG: f64 = 10.0;

@@ -5,8 +5,7 @@
 
 use anyhow::Result;
 use config::{Bench, Camera};
-use core::fmt::Write;
-use core::ops::RangeInclusive;
+use core::{fmt::Write, ops::RangeInclusive};
 
 /// A number of a camera, and the values of real ones.
 struct Usual {

@@ -3,17 +3,13 @@
 //! Input: a bench and the run that was made of it. Output: text. The numbers are those of `run::wiring::display_parts`.
 
 use anyhow::Result;
-use base::time::Span;
-use base::units::ARCSEC;
+use base::{time::Span, units::ARCSEC};
 use config::{Bench, DisplaySettings, Sink};
 use core::fmt::Write;
-use outputs::display::calibration::Calibration;
-use outputs::display::latency::LatencySource;
-use outputs::display::monitor::choose;
 use outputs::display::{DisplayError, MonitorChoice, MonitorFacts, monitors};
-use run::runtime::RunParams;
+use outputs::display::{calibration::Calibration, latency::LatencySource, monitor::choose};
 use run::wiring::display_parts::{CLOCKS_PPM, NO_CALIBRATION, NO_LATENCY, beat, calibrated_display, latency};
-use run::wiring::motion::script_scale;
+use run::{runtime::RunParams, wiring::motion::script_scale};
 
 /// Writes what there is to say of the displays of a bench.
 ///

@@ -6,9 +6,7 @@ use anyhow::Context;
 use anyhow::Result;
 use config::{Document, FileKind, check_keys};
 use core::fmt::Write;
-use performance::fly::Flight;
-use performance::plan::Plan;
-use performance::requirements::Requirements;
+use performance::{fly::Flight, plan::Plan, requirements::Requirements};
 use std::path::Path;
 
 /// Returns what there is to say about a test plan, requirements or a data set; `None` for other files.

@@ -3,10 +3,8 @@
 use anyhow::Result;
 use core::fmt::Write;
 use glam::DVec3;
-use plan::exposure::ExposurePlan;
-use plan::optics::baffle::BrightBodies;
-use scene::camera::CameraParams;
-use scene::field_light::FieldLight;
+use plan::{exposure::ExposurePlan, optics::baffle::BrightBodies};
+use scene::{camera::CameraParams, field_light::FieldLight};
 
 /// Angles of the Sun off the boresight for which stray light is printed, deg.
 const SUN_ANGLES_DEG: [f64; 5] = [20.0, 30.0, 45.0, 60.0, 85.0];

@@ -7,10 +7,9 @@ use crate::cli::over_budget::over_budget_text;
 use base::accuracy::AccuracyBudget;
 use config::{Bench, Degrade};
 use core::fmt::{Error, Write};
-use plan::exposure::cost::CostModel;
 use plan::exposure::plan::{Assessment, MOTION_SHARE, Verdict};
-use plan::exposure::sampling::sampling_error;
 use plan::exposure::{Degradation, ExposurePlan, PsfSampling};
+use plan::exposure::{cost::CostModel, sampling::sampling_error};
 use run::runtime::{Imager, RunParams};
 
 /// Limits that plans are judged by.

@@ -10,8 +10,7 @@ use core::fmt::{Error, Write};
 use frames::sink::{NullSink, Sink};
 use link::tap::LinkFault;
 use run::wiring::assemble::{Outputs, Run, RunOptions};
-use run::wiring::ports::needs_real_clock;
-use run::wiring::stepped::SteppedRun;
+use run::wiring::{ports::needs_real_clock, stepped::SteppedRun};
 
 /// Makes all parts of the run, so that what only a run would refuse is refused here; a real bus is not opened.
 fn make_once(scenario: &Scenario) -> Result<()> {

@@ -7,12 +7,10 @@
 
 use anyhow::Result;
 use config::{Bench, Plant, Radiometry};
-use core::f64::consts::TAU;
-use core::fmt::Write;
+use core::{f64::consts::TAU, fmt::Write};
 use plan::exposure::ExposurePlan;
-use run::runtime::RunParams;
 use run::wiring::seen_mag::{SEEN_SNR, sensitivity_for_suns};
-use run::wiring::sensitivity::Sensitivity;
+use run::{runtime::RunParams, wiring::sensitivity::Sensitivity};
 use stars::{Sky, StarIndex};
 
 /// The brightest star of the sky, Sirius, G.

@@ -6,16 +6,14 @@
 //! listed with its smallest distance. Steps of a frame, of long runs 4000 in all: a shorter pass may go unseen.
 
 use crate::cli::check_observer::write_age;
-use base::time::Tai;
-use base::units::ARCSEC;
+use base::{time::Tai, units::ARCSEC};
 use core::fmt::{Error, Write};
 use glam::DVec3;
 use run::runtime::RunParams;
 use scene::sky_targets::{SkyTargets, TargetFacts};
-use sky::ObserverError;
-use sky::astrometry::CameraGeometry;
 use sky::observer::{Observer, ObserverTrack};
 use sky::target::{Orbit, Sunlight};
+use sky::{ObserverError, astrometry::CameraGeometry};
 use testbed::flight_computer::FlightComputer;
 
 /// Most instants of a run that are looked at.

@@ -1,7 +1,6 @@
 //! The groups that `starloop --help` lists commands in, and the help built from them.
 
-use clap::Command;
-use clap::builder::styling::Style;
+use clap::{Command, builder::styling::Style};
 use core::fmt::Write;
 
 /// Headings and their commands, in the order of the help. A command in none of them is listed under [`OTHERS`].

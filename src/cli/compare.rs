@@ -1,13 +1,10 @@
 //! `starloop compare`: real frames of the night sky against the same fields as starloop draws them.
 
 use crate::cli::degrees::{declination_deg, right_ascension_deg};
-use crate::cli::folder;
-use crate::cli::render_input::three;
-use crate::cli::report_json::print_json;
-use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
+use crate::cli::{EXIT_DONE, EXIT_NOT_MET, folder};
+use crate::cli::{render_input::three, report_json::print_json};
 use anyhow::{Context, Result, bail};
-use base::axes::sensor_from_ra_dec_roll;
-use base::time::Tai;
+use base::{axes::sensor_from_ra_dec_roll, time::Tai};
 use clap::{Args, ValueEnum};
 use config::{Document, is_camera};
 use night_sky::picture::Flip;

@@ -13,8 +13,7 @@ use frames::sink::{SentFrame, Sink};
 use outputs::display::{Bits, Display, GreyMaker, GreyTable, Marker, MonitorFacts, Params, monitors};
 use std::io::{BufRead, Write};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::time::Duration;
+use std::{sync::Arc, time::Duration};
 
 /// Time between checks for a closed window.
 const LOOK: Duration = Duration::from_millis(20);

@@ -15,8 +15,7 @@ use outputs::display::monitor::choose;
 use outputs::display::{
     Bits, Corner, Display, GreyMaker, GreyTable, Marker, MonitorChoice, Params, SubmitRow, monitors,
 };
-use serde::Deserialize;
-use serde::de::DeserializeOwned;
+use serde::{Deserialize, de::DeserializeOwned};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 

@@ -1,10 +1,8 @@
 //! `starloop doctor`: what this machine can do for a bench, and what to do where something is missing.
 
 use crate::cli::doctor_finding::{Finding, State};
-use crate::cli::doctor_host::Host;
-use crate::cli::report_json::print_json;
-use crate::cli::version;
-use crate::cli::{doctor_devices, doctor_host, doctor_system};
+use crate::cli::{doctor_devices, doctor_host, doctor_system, version};
+use crate::cli::{doctor_host::Host, report_json::print_json};
 use anyhow::Result;
 use clap::Args;
 use serde::Serialize;

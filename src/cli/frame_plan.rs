@@ -1,11 +1,9 @@
 //! The plan of one frame of a bench, without drawing it: from the simulated flight computer's own truth.
 
 use anyhow::{Context, Result};
-use base::axes::Rotation;
-use base::time::Span;
-use plan::attitude::LosPath;
-use plan::exposure::cost::CostModel;
+use base::{axes::Rotation, time::Span};
 use plan::exposure::{ExposurePlan, Planner};
+use plan::{attitude::LosPath, exposure::cost::CostModel};
 use run::runtime::RunParams;
 use scene::Scene;
 use stars::Sky;

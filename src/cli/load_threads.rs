@@ -2,8 +2,7 @@
 
 use anyhow::{Context, Result};
 use core::sync::atomic::{AtomicBool, Ordering};
-use std::sync::Arc;
-use std::thread::JoinHandle;
+use std::{sync::Arc, thread::JoinHandle};
 
 /// Busy threads, until they are dropped. Start them before the run's threads: they keep the ordinary scheduling of the
 /// thread that starts them.

@@ -5,8 +5,7 @@ use base::streams::Output;
 use clap::{Args, Command};
 use clap_mangen::Man;
 use frames::sink::write_file_atomically;
-use std::io::Write;
-use std::path::PathBuf;
+use std::{io::Write, path::PathBuf};
 
 /// Section of the manual: commands.
 const SECTION: &str = "1";

@@ -4,8 +4,7 @@ use anyhow::{Context, Result};
 use base::streams::say;
 use crossbeam_channel::{Receiver as Queue, Sender, bounded};
 use frames::report::{Progress, progress_line};
-use std::io::IsTerminal;
-use std::time::Duration;
+use std::{io::IsTerminal, time::Duration};
 
 /// The thread that draws the progress line: nothing real-time.
 pub(super) struct Monitor {

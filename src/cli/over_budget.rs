@@ -39,14 +39,11 @@ pub(super) fn over_budget_text(plan: &ExposurePlan, budget: &AccuracyBudget) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use base::axes::Rotation;
-    use base::time::Tai;
+    use base::{axes::Rotation, time::Tai};
     use config::Bench;
     use glam::DVec3;
-    use plan::attitude::LosPath;
-    use plan::exposure::cost::CostModel;
     use plan::exposure::{Instrument, MethodChoice, Planner, Source, SourcePlace};
-    use plan::optics::PsfModel;
+    use plan::{attitude::LosPath, exposure::cost::CostModel, optics::PsfModel};
     use run::wiring::camera_parts::camera_params;
 
     /// Returns words about a star of 1e4 e- in the middle of the built-in bench's camera.

@@ -1,19 +1,16 @@
 //! `starloop psf`: a camera's star -> MTF of every link, widths, energies, what a star's colour changes; plots.
 
-use crate::cli::named_camera::named_camera;
-use crate::cli::psf_plot;
 use crate::cli::psf_star::{NYQUIST, Star};
-use crate::cli::report_json::print_json;
+use crate::cli::{named_camera::named_camera, psf_plot, report_json::print_json};
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use config::{LightOfChain, Psf};
 use core::fmt::Write;
 use frames::sink::write_file_atomically;
-use plan::optics::chain_light::ChainLight;
 use plan::optics::chain_psf::{ChainPsf, Drawing};
 use plan::optics::energy::{self, Centring};
-use plan::optics::mtf::MtfChain;
 use plan::optics::{Band, PsfForm, PsfModel};
+use plan::optics::{chain_light::ChainLight, mtf::MtfChain};
 use std::path::PathBuf;
 
 /// Share of the light whose circle is printed.

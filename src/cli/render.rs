@@ -1,18 +1,14 @@
 //! `starloop render`: one image for a given attitude and time.
 
-use crate::cli::attitude_file::KernelArgs;
 use crate::cli::degrees::{declination_deg, right_ascension_deg};
-use crate::cli::named_camera::named_camera;
-use crate::cli::over_budget::over_budget_text;
-use crate::cli::radiometry_reported::drawn_text;
-use crate::cli::render_files::WrittenImage;
 use crate::cli::render_input::{four, read_los, read_los_samples, read_sources, three};
-use crate::cli::render_notes::notes;
 use crate::cli::render_output::{Format, format_of, write_dn, write_electrons, write_truth};
 use crate::cli::render_series::{Series, numbered};
-use crate::cli::report_json::print_json;
-use crate::cli::run_args::BackendName;
-use crate::cli::wcs_warning::warn_of_wcs;
+use crate::cli::{
+    attitude_file::KernelArgs, named_camera::named_camera, over_budget::over_budget_text,
+    radiometry_reported::drawn_text, render_files::WrittenImage, render_notes::notes, report_json::print_json,
+    run_args::BackendName, wcs_warning::warn_of_wcs,
+};
 use anyhow::{Context, Result, bail};
 use base::axes::{Icrf, Rotation, Sensor, WRITTEN_NORM_TOLERANCE, sensor_from_ra_dec_roll};
 use base::time::{Span, Tai};
@@ -24,8 +20,7 @@ use frames::sink::{FrameFault, SentFrame};
 use glam::DVec3;
 use plan::attitude::LosPath;
 use plan::exposure::{MethodChoice, Motion, Source};
-use run::runtime::engine::Light;
-use run::wiring::memory::RunMemory;
+use run::{runtime::engine::Light, wiring::memory::RunMemory};
 use std::path::{Path, PathBuf};
 
 /// Command line of `render`.

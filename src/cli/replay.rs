@@ -4,9 +4,8 @@
 //! recorded frames with `--out`, and an exit status for scripts: 4 when an image differs, 1 for a capture that does not
 //! hold what its end record states.
 
-use crate::cli::plain_text::plain_text;
-use crate::cli::report_json::print_json;
 use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
+use crate::cli::{plain_text::plain_text, report_json::print_json};
 use anyhow::{Result, bail};
 use clap::Args;
 use config::Scenario;

@@ -1,20 +1,14 @@
 //! `starloop run`: a bench or a scenario from its first frame to its summary.
 
-use crate::cli::budget_files;
-use crate::cli::budget_report::budget_report;
-use crate::cli::calibrate::costs_here;
-use crate::cli::check::warning_line;
-use crate::cli::folder;
-use crate::cli::monitor::Monitor;
-use crate::cli::provenance;
 use crate::cli::run_args::{CaptureFormatName, ClockKind, RunArgs};
 use crate::cli::run_control::{Client, Controlled, control_steered, control_stepped, listen, steering};
-use crate::cli::run_finished::Finished;
 use crate::cli::run_input::{RunInput, input};
-use crate::cli::run_progress::sender;
-use crate::cli::signals;
 use crate::cli::telemetry_file::{TelemetryFile, telemetry_file};
-use crate::cli::wcs_warning::warn_of_wcs;
+use crate::cli::{budget_files, folder, provenance, signals};
+use crate::cli::{
+    budget_report::budget_report, calibrate::costs_here, check::warning_line, monitor::Monitor, run_finished::Finished,
+    run_progress::sender, wcs_warning::warn_of_wcs,
+};
 use anyhow::{Result, bail};
 use base::clock::{Clock, Monotonic, Stopwatch};
 use base::time::Tai;
@@ -23,11 +17,8 @@ use core::sync::atomic::Ordering;
 use frames::report::HygieneLine;
 use run::runtime::{Hygiene, HygieneParams, Imager};
 use run::wiring::assemble::{Outputs, Run, RunOptions};
-use run::wiring::capture_tap::CaptureOptions;
-use run::wiring::live_tap::LiveOptions;
 use run::wiring::memory::{RunForm, RunMemory};
-use run::wiring::sinks::run_directory;
-use run::wiring::verdict::CutShort;
+use run::wiring::{capture_tap::CaptureOptions, live_tap::LiveOptions, sinks::run_directory, verdict::CutShort};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 

@@ -2,10 +2,8 @@
 
 use clap::{Args, ValueEnum};
 use config::{self, Bench};
-use link::capture::CaptureFormat;
-use link::gateway::TcpAddress;
-use run::wiring::control::ControlAddress;
-use run::wiring::run_clock::RunClockKind;
+use link::{capture::CaptureFormat, gateway::TcpAddress};
+use run::wiring::{control::ControlAddress, run_clock::RunClockKind};
 use std::path::PathBuf;
 
 /// Command line of `run`.

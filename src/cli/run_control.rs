@@ -8,16 +8,13 @@ use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use frames::sink::SentFrame;
 use run::runtime::RunRecord;
-use run::wiring::assemble::Run;
 use run::wiring::control::{
     ControlAddress, ControlListener, ControlRefusals, ControlSession, NewestFrames, SessionEnd, Stage,
 };
 use run::wiring::run_end::{LoopView, RunEnd};
-use run::wiring::steering::Steering;
-use run::wiring::stepped::SteppedRun;
+use run::wiring::{assemble::Run, steering::Steering, stepped::SteppedRun};
 use serde_json::Value;
-use std::path::Path;
-use std::sync::Arc;
+use std::{path::Path, sync::Arc};
 
 /// After the run has ended, a client that has not sent `finish` is waited for so long.
 const FINISH_WITHIN: Duration = Duration::from_secs(5);

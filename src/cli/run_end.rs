@@ -1,16 +1,12 @@
 //! How a run ends: verdict, tables, its files of results, what it lost, its exit status.
 
-use crate::cli::plain_text::plain_text;
-use crate::cli::report_json::print_json;
 use crate::cli::run_args::{ClockKind, RunArgs};
-use crate::cli::run_control::Client;
-use crate::cli::run_events;
-use crate::cli::run_finished::Finished;
-use crate::cli::run_link_hint::connection_hint;
-use crate::cli::run_page;
-use crate::cli::run_verdict::verdict_line;
 use crate::cli::scenario_report::{ScenarioReport, table};
-use crate::cli::{EXIT_DONE, EXIT_FAILED, EXIT_INCOMPLETE, EXIT_LOST, EXIT_NOT_MET, signals};
+use crate::cli::{EXIT_DONE, EXIT_FAILED, EXIT_INCOMPLETE, EXIT_LOST, EXIT_NOT_MET, run_events, run_page, signals};
+use crate::cli::{
+    plain_text::plain_text, report_json::print_json, run_control::Client, run_finished::Finished,
+    run_link_hint::connection_hint, run_verdict::verdict_line,
+};
 use anyhow::{Context, Result};
 use frames::report::{Losses, RunSummary, RunWord, short_table, summary_table};
 use frames::sink::replace_own_file;

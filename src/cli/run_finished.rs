@@ -1,11 +1,9 @@
 //! A run that has ended, and everything it ran with.
 
-use crate::cli::run_args::ClockKind;
-use crate::cli::run_control::Client;
+use crate::cli::{run_args::ClockKind, run_control::Client};
 use config::{Bench, Scenario};
 use frames::report::RunSummary;
-use run::runtime::FrameEngine;
-use run::wiring::run_end::RunEnd;
+use run::{runtime::FrameEngine, wiring::run_end::RunEnd};
 use std::path::PathBuf;
 
 /// A run that has ended, and everything it ran with.

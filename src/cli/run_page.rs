@@ -1,15 +1,12 @@
 //! `report.html`: a run on one page that needs no other file, written after the run has ended.
 
-use crate::cli::budget_report::limits;
-use crate::cli::provenance;
-use crate::cli::run_args::ClockKind;
-use crate::cli::run_events;
-use crate::cli::run_finished::Finished;
 use crate::cli::run_page_parts::{Page, chart_of_pointing};
 use crate::cli::run_samples::{Recording, Sample, recording};
-use crate::cli::run_timeline::timeline;
-use crate::cli::run_verdict::verdict_line;
-use crate::cli::scenario_report::ScenarioReport;
+use crate::cli::{
+    budget_report::limits, run_args::ClockKind, run_finished::Finished, run_timeline::timeline,
+    run_verdict::verdict_line, scenario_report::ScenarioReport,
+};
+use crate::cli::{provenance, run_events};
 use base::input_file::{DATA_BYTES, read_bytes, read_text};
 use frames::report::{BudgetLine, FrameEnd, budget_lines};
 use performance::provenance::Provenance;

@@ -2,8 +2,7 @@
 
 use base::clock::Stopwatch;
 use crossbeam_channel::Sender;
-use frames::report::Progress;
-use frames::sink::SentFrame;
+use frames::{report::Progress, sink::SentFrame};
 use outputs::live::Numbers;
 use run::runtime::RunRecord;
 

@@ -3,9 +3,7 @@
 use crate::cli::run_finished::Finished;
 use base::image::DnImage;
 use base::input_file::{DATA_BYTES, InputFile};
-use frames::sink::fits::FitsImage;
-use frames::sink::png::write_dn_for_people;
-use frames::sink::recorder::frame_path;
+use frames::sink::{fits::FitsImage, png::write_dn_for_people, recorder::frame_path};
 use serde::Deserialize;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
@@ -97,8 +95,7 @@ fn shrunk(image: &FitsImage, shrink: usize) -> DnImage {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use frames::sink::fits::Header;
-    use frames::sink::fits::array::OwnedPixels;
+    use frames::sink::fits::{Header, array::OwnedPixels};
 
     #[test]
     fn brightest_of_each_block_is_kept_also_at_the_edge() {

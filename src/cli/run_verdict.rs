@@ -1,7 +1,6 @@
 //! The first line of a run's output: its verdict with every reason, in one sentence.
 
-use crate::cli::run_args::ClockKind;
-use crate::cli::run_finished::Finished;
+use crate::cli::{run_args::ClockKind, run_finished::Finished};
 use frames::report::{FrameAccount, FrameEnd, RunVerdict, Stage};
 
 /// Returns the verdict: its word, frames on time, frames lost by sinks, the reasons, latency against its limit, and where

@@ -3,8 +3,7 @@
 //! Rows are gathered into at most `BINS` bins of equal length that double when they run out, each with its largest
 //! values, so that a flight of any length is one small picture and no spike is lost.
 
-use base::time::Tai;
-use base::units::ARCSEC;
+use base::{time::Tai, units::ARCSEC};
 use frames::report::plot::{Axis, Chart, Series, Style, to_svg};
 use run::wiring::assessment::mode_name;
 use testbed::vehicle::TelemetryRow;

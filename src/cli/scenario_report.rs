@@ -6,9 +6,7 @@ use frames::report::{FrameAccount, FrameCounts, Losses, Machine, RunVerdict, Run
 use frames::sink::SinkLine;
 use run::runtime::{note_lost_reader, sink_rows};
 use run::wiring::assessment::{ModeLine, Verdict, WindowErrors};
-use run::wiring::control::ControlRefusals;
-use run::wiring::faults::FaultLine;
-use run::wiring::run_end::LoopView;
+use run::wiring::{control::ControlRefusals, faults::FaultLine, run_end::LoopView};
 use serde::Serialize;
 
 /// The report of one scenario run.

@@ -6,8 +6,7 @@
 //! early or often it comes. SIGHUP stays ignored where the caller ignores it (`nohup`).
 
 use anyhow::{Context, Result};
-use base::streams::say;
-use base::unfinished;
+use base::{streams::say, unfinished};
 use core::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;

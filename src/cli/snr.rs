@@ -1,16 +1,14 @@
 //! `starloop snr`: how bright a star must be for a camera to see it, and how bright it may be.
 
-use crate::cli::named_camera::named_camera;
 use crate::cli::radiometry_reported::{drawn_mag, drawn_text, radiometry_text};
-use crate::cli::report_json::print_json;
+use crate::cli::{named_camera::named_camera, report_json::print_json};
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use config::Camera;
 use core::fmt::Write;
 use frames::report::plot::{Axis, Chart, Series, Style, to_svg};
 use frames::sink::write_file_atomically;
-use plan::optics::photometry_v::mag_v;
-use plan::optics::star_light::surface_brightness_e_per_s_px;
+use plan::optics::{photometry_v::mag_v, star_light::surface_brightness_e_per_s_px};
 use run::wiring::camera_parts::camera_params;
 use run::wiring::sensitivity::{Conditions, Sensitivity};
 use std::path::PathBuf;

@@ -2,11 +2,9 @@
 
 use crate::cli::scenario_plot::TelemetryPlot;
 use anyhow::{Context, Result};
-use base::time::Tai;
-use base::units::ARCSEC;
+use base::{time::Tai, units::ARCSEC};
 use frames::sink::replace_own_file;
-use run::wiring::assemble::OnRow;
-use run::wiring::assessment::mode_name;
+use run::wiring::{assemble::OnRow, assessment::mode_name};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};

@@ -1,27 +1,19 @@
 //! `starloop verify`: compares a camera's own frames with its file: photon transfer, and errors by brightness.
 
-use crate::cli::named_camera::named_camera;
-use crate::cli::report_json::print_json;
-use crate::cli::run_args::BackendName;
 use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
+use crate::cli::{named_camera::named_camera, report_json::print_json, run_args::BackendName};
 use anyhow::{Result, bail};
-use base::accuracy::AccuracyBudget;
-use base::axes::Rotation;
 use base::image::{DnImage, ElectronImage, Image};
-use base::time::Tai;
+use base::{accuracy::AccuracyBudget, axes::Rotation, time::Tai};
 use batch::verify::data_sheet::{Comparison, Stated};
 use batch::verify::fidelity::{self, Fidelity, FidelityRow, Truth};
 use batch::verify::{DataSheet, Procedure, StarField, characterise, table};
 use clap::Args;
-use frames::report::to_svg;
-use frames::sink::write_file_atomically;
+use frames::{report::to_svg, sink::write_file_atomically};
 use image::detector::{Detector, DetectorConditions, DetectorParams, Nonlinearity, Patterns, SpatialParams};
-use plan::attitude::LosPath;
 use plan::exposure::{MethodChoice, Planner};
-use plan::optics::Illumination;
-use run::runtime::Imager;
-use run::wiring::bench_parts::backend_choice;
-use run::wiring::camera_parts::camera_params;
+use plan::{attitude::LosPath, optics::Illumination};
+use run::{runtime::Imager, wiring::bench_parts::backend_choice, wiring::camera_parts::camera_params};
 use scene::camera::CameraParams;
 use std::path::{Path, PathBuf};
 

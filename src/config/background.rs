@@ -1,9 +1,7 @@
 //! `[background]`: light on the whole detector that is not the stars': uniform, or the sky's.
 
-use crate::check::Checker;
-use crate::error::ConfigError;
-use crate::key::section;
 use crate::key_type::{Numbers, Raw, Shape};
+use crate::{check::Checker, error::ConfigError, key::section};
 
 /// The background, checked. All zero without the section.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

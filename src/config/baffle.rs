@@ -1,10 +1,7 @@
 //! `[baffle]`: stray light of Sun, Moon and Earth. Without the section there is none.
 
-use crate::background::check_shape;
-use crate::check::Checker;
-use crate::error::ConfigError;
-use crate::key::section;
 use crate::key_type::{Raw, Shape};
+use crate::{background::check_shape, check::Checker, error::ConfigError, key::section};
 use base::units::DEG;
 use plan::optics::baffle::{Baffle as Shade, EARTH_ALBEDO, PointSourceTransmittance};
 use std::sync::Arc;

@@ -6,12 +6,10 @@
 //! (`detector.quantum_efficiency`, the photons and colour law of `[radiometry]`) are refused beside them: two
 //! statements of one thing.
 
-use crate::check::Checker;
-use crate::document::Document;
-use crate::error::ConfigError;
 use crate::key::{Given, section};
 use crate::key_type::{Raw, Shape};
 use crate::{Psf, RadiometryModel};
+use crate::{check::Checker, document::Document, error::ConfigError};
 use plan::optics::{Band, Spectrum, SpectrumError};
 use serde::Deserialize;
 

@@ -1,21 +1,14 @@
 //! A bench file: one run of the stimulator.
 
 use crate::budget::{Budget, BudgetKeys};
-use crate::camera::Camera;
 use crate::check::{Checker, Defaulted};
-use crate::document::Document;
-use crate::error::ConfigError;
-use crate::event_word::EventKeys;
-use crate::expect::ExpectKeys;
 use crate::flight_computer::{FlightComputer, FlightComputerKeys, JitterSource};
 use crate::head::{HEADS_MAX, Head, HeadKeys, check_heads, quaternion};
 use crate::jitter::{JitterInput, JitterKeys};
 use crate::key::{Section, section};
 use crate::key_type::{Any, Numbers, Raw, Shape, Whole, Word};
 use crate::link::{Carrier, Link, Wire};
-use crate::link_keys::LinkKeys;
 use crate::observer::{Observer, ObserverKeys};
-use crate::plain_link;
 use crate::plant::{PlantKeys, PlantKind};
 use crate::session::{Session, SessionKeys};
 use crate::sink::{Sink, SinkKeys, SinkSettings};
@@ -24,6 +17,10 @@ use crate::target::{Overlap, TargetKeys, TargetSettings, check_seen, check_targe
 use crate::timing::{Timing, TimingKeys};
 use crate::tracker_out::{TrackerOut, TrackerOutKeys, check_tracker_outs};
 use crate::trigger_line::{TriggerLine, TriggerLineKeys, check_trigger_lines};
+use crate::{
+    camera::Camera, document::Document, error::ConfigError, event_word::EventKeys, expect::ExpectKeys,
+    link_keys::LinkKeys, plain_link,
+};
 use base::accuracy::AccuracyBudget;
 use base::axes::{Body, Rotation, Sensor};
 use std::path::{Path, PathBuf};

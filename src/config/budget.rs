@@ -4,10 +4,9 @@
 //! time, `missed_frames` to 0; `starloop budget` adds a limit for drawing from the planner's time. What is measured:
 //! see the stages of a run's summary.
 
-use crate::check::Checker;
-use crate::error::ConfigError;
 use crate::key::{Given, section, taken};
 use crate::key_type::{Any, Raw, Shape, Whole};
+use crate::{check::Checker, error::ConfigError};
 
 /// Records kept: 400 s at 10 Hz, 2.5 MiB.
 const DEFAULT_RING: i64 = 4096;

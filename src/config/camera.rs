@@ -4,19 +4,17 @@ use crate::background::{Background, BackgroundKeys};
 use crate::baffle::{Baffle, BaffleKeys};
 use crate::band::{BandKeys, check_band};
 use crate::check::{Checker, Defaulted};
-use crate::detector::Detector;
 use crate::detector_effects::{DetectorKeys, tdi_exposure};
-use crate::distortion::check_distortion;
-use crate::document::Document;
 use crate::error::{ConfigError, Partly};
 use crate::file_kind::{FileKind, must_be};
-use crate::illumination::IlluminationKeys;
-use crate::key::section;
 use crate::mtf::{MtfKeys, belongs_to_chain};
 use crate::optics::{Distortion, DistortionKeys, Optics, OpticsKeys};
 use crate::psf::{Psf, PsfKeys};
 use crate::radiometry::{Exposure, ExposureKeys, Radiometry, RadiometryKeys, RadiometryModel};
 use crate::several::{check_all, check_partly};
+use crate::{
+    detector::Detector, distortion::check_distortion, document::Document, illumination::IlluminationKeys, key::section,
+};
 use base::units::{ARCSEC, DEG};
 use plan::exposure::PsfSampling;
 use plan::optics::{Band, BandRadiometry, Illumination, StarLight};

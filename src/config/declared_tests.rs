@@ -1,18 +1,12 @@
 //! Reference, schema and templates say what the program reads: no key more, no key less.
 
-use crate::bench::BenchKeys;
-use crate::camera::CameraKeys;
-use crate::data_set_keys::DataSetKeys;
 use crate::declared::{Declared, Key, Presence};
-use crate::file_keys::declared;
-use crate::key_type::Shape;
-use crate::link_keys::LinkTable;
-use crate::requirement_keys::RequirementKeys;
-use crate::scenario::ScenarioKeys;
-use crate::spacecraft::SpacecraftKeys;
-use crate::template::sample;
-use crate::test_plan_keys::PlanKeys;
 use crate::{Camera, Document, FileKind, Scenario, Spacecraft, check_keys, key_reference, key_schema, key_template};
+use crate::{
+    bench::BenchKeys, camera::CameraKeys, data_set_keys::DataSetKeys, file_keys::declared, key_type::Shape,
+    link_keys::LinkTable, requirement_keys::RequirementKeys, scenario::ScenarioKeys, spacecraft::SpacecraftKeys,
+    template::sample, test_plan_keys::PlanKeys,
+};
 use std::path::Path;
 
 /// Reads a text as the tables of a kind, without checking it.

@@ -1,11 +1,9 @@
 //! `[detector]`: geometry, charge, conversion.
 
 use crate::check::{Checker, Rule};
-use crate::detector_dark::DarkCurrent;
 use crate::detector_effects::{DetectorKeys, Fits, check_effects};
-use crate::detector_pattern::FixedPatterns;
 use crate::detector_readout::{Converter, Readout};
-use crate::error::ConfigError;
+use crate::{detector_dark::DarkCurrent, detector_pattern::FixedPatterns, error::ConfigError};
 use image::detector::{DetectorParams, Patterns};
 
 /// Most columns or rows.

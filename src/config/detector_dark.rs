@@ -1,8 +1,7 @@
 //! Dark current of `[detector]`: rate or density, temperatures, doubling, non-uniformity.
 
 use crate::check::{Checker, Rule};
-use crate::detector_effects::DetectorKeys;
-use crate::error::ConfigError;
+use crate::{detector_effects::DetectorKeys, error::ConfigError};
 use image::detector::DarkLaw;
 
 /// Most dark current of a pixel, electrons per second.

@@ -2,27 +2,22 @@
 //! keys and check of each in one file.
 
 use crate::check::{Checker, Rule};
-use crate::detector::LARGEST_SIDE_PX;
 use crate::detector_dark::{CELSIUS, MOST_DARK_E_PER_S};
 use crate::detector_pattern::{LineKeys, MapKeys};
 use crate::detector_readout::{GainRule, NonlinearityKeys, RowNoiseKeys};
-use crate::error::ConfigError;
 use crate::key::{Given, Section, section};
 use crate::key_type::{Whole, Word};
-use crate::radiometry::Exposure;
+use crate::{detector::LARGEST_SIDE_PX, error::ConfigError, radiometry::Exposure};
 use base::bayer::BayerPattern;
-use image::detector::SpatialParams;
 use image::detector::binning::{Binning, BinningKind, MOST};
-use image::detector::blooming::Blooming;
 use image::detector::charge_transfer::{ChargeTransfer, MOST_LEFT_BEHIND, OutputCorner};
 use image::detector::colour_filter::{ColourFilter, LEAST_RESPONSE};
 use image::detector::defects::{DefectPopulation, Rates};
-use image::detector::image_lag::ImageLag;
-use image::detector::protons::stopping_power::DOMAIN_MEV;
 use image::detector::protons::{ProtonDirection, ProtonFlux, SensitiveLayer};
-use image::detector::tdi::Tdi;
-use image::detector::window::Window;
-use image::detector::{DarkLaw, PoissonMethod, Rounding};
+use image::detector::{DarkLaw, PoissonMethod, Rounding, SpatialParams};
+use image::detector::{
+    blooming::Blooming, image_lag::ImageLag, protons::stopping_power::DOMAIN_MEV, tdi::Tdi, window::Window,
+};
 
 /// Smallest pitch, um: a fraction of the wavelength of all light that a detector counts.
 const LEAST_PITCH_UM: f64 = 0.1;

@@ -1,10 +1,7 @@
 //! Fixed patterns of `[detector]`: rms or peak-to-peak, maps, columns and rows.
 
-use crate::check::Checker;
-use crate::detector_effects::DetectorKeys;
-use crate::error::ConfigError;
-use crate::image_file;
 use crate::key::{Given, section};
+use crate::{check::Checker, detector_effects::DetectorKeys, error::ConfigError, image_file};
 use image::detector::{LinePattern, Patterns};
 use std::sync::Arc;
 

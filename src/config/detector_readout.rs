@@ -1,10 +1,7 @@
 //! Readout of `[detector]`: gain, rounding, amplifier and row noise, response.
 
-use crate::check::Checker;
-use crate::detector_effects::DetectorKeys;
-use crate::error::ConfigError;
-use crate::key::section;
 use crate::key_type::{Raw, Shape};
+use crate::{check::Checker, detector_effects::DetectorKeys, error::ConfigError, key::section};
 use image::detector::{DetectorParams, Nonlinearity, Rounding, RowNoise};
 
 /// Readout beyond the read noise, checked.

@@ -1,9 +1,8 @@
 //! `[sink] kind = "display"`: a monitor in front of a tracker.
 
-use crate::check::Checker;
-use crate::error::ConfigError;
 use crate::key::{Given, Section, section, taken};
 use crate::key_type::{Any, Raw, Shape, Whole, Word};
+use crate::{check::Checker, error::ConfigError};
 use base::time::Span;
 use outputs::display::{Bits, CardChoice, Corner, Marker, MonitorChoice, Params};
 use serde::Deserialize;

@@ -1,11 +1,8 @@
 //! The polynomial of `[distortion]`, and the refusal of a distortion that folds the image.
 
 use crate::check::{Checker, Rule};
-use crate::detector::Detector;
-use crate::error::ConfigError;
-use crate::key::Given;
-use crate::key_type::Raw;
 use crate::optics::{Distortion, Optics};
+use crate::{detector::Detector, error::ConfigError, key::Given, key_type::Raw};
 use sky::astrometry::{
     AstrometryError, BrownConrady, CameraGeometry, CameraParameters, DISTORTION_DEGREE, PolynomialDistortion,
 };

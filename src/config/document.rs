@@ -1,9 +1,7 @@
 //! One TOML text and where it came from: a file, or compiled in.
 
-use crate::blame::without_the_blamed;
-use crate::error::ConfigError;
 use crate::packed::{PackedDocuments, joined};
-use crate::setting::Setting;
+use crate::{blame::without_the_blamed, error::ConfigError, setting::Setting};
 use base::input_file::{DATA_BYTES, SETTINGS_BYTES, read_bytes, read_text};
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;

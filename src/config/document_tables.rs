@@ -1,9 +1,8 @@
 //! Reads a document as a table of keys, and refuses what is not one, in plain words.
 
 use crate::document::{Document, Origin};
-use crate::error::ConfigError;
-use crate::nearest::nearest;
 use crate::wrong_type::{wrong_type, wrong_type_of};
+use crate::{error::ConfigError, nearest::nearest};
 use serde::de::DeserializeOwned;
 
 /// Keys that other programs have, the one here, and how its value follows.

@@ -3,13 +3,9 @@
 //! A key that a word has no use for is refused: it would be given in vain. Words: `event_word`; their values:
 //! `event_reader`, `event_writer`. Tests: `event_tests`.
 
-use crate::check::Checker;
-use crate::document::Document;
-use crate::error::ConfigError;
-use crate::event_reader::Reader;
-use crate::event_row::words;
 use crate::event_word::{ACTIONS, EventKeys, OF_ALL};
 use crate::key::{Given, Section};
+use crate::{check::Checker, document::Document, error::ConfigError, event_reader::Reader, event_row::words};
 use base::time::Span;
 use frames::sink::FrameFault;
 use link::tap::LinkFault;

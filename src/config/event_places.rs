@@ -1,9 +1,7 @@
 //! Heads, wheels, pixels and numbers that an event names -> those that the run has.
 
-use crate::bench::Bench;
-use crate::check::Checker;
-use crate::error::ConfigError;
 use crate::event::{Action, Event};
+use crate::{bench::Bench, check::Checker, error::ConfigError};
 use frames::sink::{DefectSpots, FrameFault, PixelFault};
 use testbed::vehicle::VehicleFault;
 

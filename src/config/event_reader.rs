@@ -1,13 +1,10 @@
 //! Keys of one event -> its values, and when and for how long it happens.
 
-use crate::check::Checker;
-use crate::error::ConfigError;
 use crate::event_row::{Row, Timing};
-use crate::event_word::EventKeys;
 use crate::key::{Given, Section, taken};
 use crate::key_type::{KeyType, Raw, Shape, Whole};
-use base::time::Span;
-use base::units::DEG;
+use crate::{check::Checker, error::ConfigError, event_word::EventKeys};
+use base::{time::Span, units::DEG};
 use core::fmt;
 use firmware_protocol::can::CanId;
 use frames::sink::{DefectSpots, FaultPixels};

@@ -10,10 +10,7 @@
 //! Several keys may make one value: `pixels(4096) of (px, count)` is read by `Reader::pixels`. How values are written:
 //! `event_writer`.
 
-use crate::error::ConfigError;
-use crate::event::Action;
-use crate::event_reader::Reader;
-use crate::event_word::ACTIONS;
+use crate::{error::ConfigError, event::Action, event_reader::Reader, event_word::ACTIONS};
 
 /// When an event happens.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -133,4 +130,6 @@ macro_rules! read {
     ($reader:ident, $value:ident ($($bound:expr),*)) => { $reader.$value($($bound),*)? };
 }
 
-pub(super) use {keys_of, read, rows};
+pub(super) use keys_of;
+pub(super) use read;
+pub(super) use rows;

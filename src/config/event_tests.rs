@@ -1,8 +1,7 @@
 //! Every word takes its own keys, asks for those it needs, and refuses all others.
 
 use super::*;
-use crate::event_row::Row;
-use crate::event_word::link_flag;
+use crate::{event_row::Row, event_word::link_flag};
 use firmware_protocol::can::CanId;
 use frames::sink::FaultFlags;
 use link::tap::LinkFault;

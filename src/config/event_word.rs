@@ -2,12 +2,10 @@
 //!
 //! What a row says is in `event_row`. Old files stay readable: words and keys are added, not renamed.
 
-use crate::check::Rule::PositiveUpTo;
 use crate::event::{Action, Pointing};
-use crate::event_reader::Identifier;
 use crate::event_row::{Row, rows};
-use crate::key::section;
 use crate::key_type::{Raw, Shape, Whole, Word};
+use crate::{check::Rule::PositiveUpTo, event_reader::Identifier, key::section};
 use frames::sink::{FaultFlags, FrameFault, PixelFault, ProtonStorm};
 use image::detector::protons::stopping_power::DOMAIN_MEV;
 use link::tap::LinkFault;

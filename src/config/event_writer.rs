@@ -3,8 +3,7 @@
 //! Numbers come back bit by bit, except rates of a gyro, which are written in degrees per hour.
 
 use crate::event::Event;
-use base::time::Span;
-use base::units::DEG;
+use base::{time::Span, units::DEG};
 use firmware_protocol::can::CanId;
 use frames::sink::{DefectSpots, FaultPixels};
 use glam::DVec3;
@@ -95,9 +94,7 @@ impl Written for Option<[f64; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::event::Action;
-    use crate::event::tests::given_in_full;
-    use crate::event_word::ACTIONS;
+    use crate::{event::Action, event::tests::given_in_full, event_word::ACTIONS};
     use frames::sink::{FrameFault, PixelFault};
     use link::tap::LinkFault;
     use testbed::vehicle::VehicleFault;

@@ -1,7 +1,6 @@
 //! Kinds of configuration files, and the refusal of one in the place of another.
 
-use crate::document::Document;
-use crate::error::ConfigError;
+use crate::{document::Document, error::ConfigError};
 
 /// The kinds of files below `configs/`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,10 +1,8 @@
 //! `[flight_computer]`: the simulated one at the other end of the link.
 
-use crate::check::Checker;
-use crate::error::ConfigError;
 use crate::key::{Section, listed, section, taken};
-use crate::key_type::Word;
 use crate::motion::{Motion, MotionKeys};
+use crate::{check::Checker, error::ConfigError, key_type::Word};
 use base::units::{ARCSEC, DEG};
 use core::f64::consts::PI;
 use glam::DVec3;

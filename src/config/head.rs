@@ -1,10 +1,8 @@
 //! `[[head]]` and `[[extra_head]]`: camera heads, each with its mounting, camera, frame rate and phase.
 
-use crate::camera::Camera;
-use crate::check::Checker;
-use crate::error::ConfigError;
 use crate::key::{listed, section};
 use crate::timing::{PHASE_MAX_MS, check_frame_rate};
+use crate::{camera::Camera, check::Checker, error::ConfigError};
 use base::axes::{Body, Rotation, Sensor, WRITTEN_NORM_TOLERANCE};
 use base::time::Span;
 

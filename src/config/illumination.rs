@@ -1,12 +1,8 @@
 //! `[illumination]`: vignetting, the cosine's fourth power, blocked aperture. Without the section the field is even.
 
-use crate::check::Checker;
-use crate::error::ConfigError;
 use crate::key::{Section, section};
-use crate::key_type::Any;
-use crate::optics::Optics;
-use plan::optics::Illumination;
-use plan::optics::illumination::Vignetting;
+use crate::{check::Checker, error::ConfigError, key_type::Any, optics::Optics};
+use plan::optics::{Illumination, illumination::Vignetting};
 
 /// Largest share of the aperture that may be blocked: more leaves no aperture worth the name.
 const MOST_BLOCKED: f64 = 0.95;

@@ -1,7 +1,6 @@
 //! Images that a configuration names: FITS files, relative to the file that names them.
 
-use crate::check::Checker;
-use crate::error::ConfigError;
+use crate::{check::Checker, error::ConfigError};
 use base::input_file::{DATA_BYTES, InputFile};
 use frames::sink::fits::FitsImage;
 use std::io::BufReader;

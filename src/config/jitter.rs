@@ -3,10 +3,8 @@
 //! It is added where frames are made, whatever the source of the motion, and never travels over the bus. A density
 //! becomes a series by the bench's seed. `src/guide/motion_and_jitter.md` says how it is resampled. Tests: below.
 
-use crate::check::Checker;
-use crate::error::ConfigError;
 use crate::key::{Section, section, taken};
-use crate::key_type::Word;
+use crate::{check::Checker, error::ConfigError, key_type::Word};
 use plan::attitude::{DensityError, JitterRecord, PsdPoint, RecordEnd, read_density, read_series};
 use std::sync::Arc;
 

@@ -2,10 +2,8 @@
 //!
 //! A build without the feature `spice` refuses them. Tests: `hil_scripts/test_spice.py`.
 
-use crate::check::Checker;
-use crate::error::ConfigError;
-use crate::key::Given;
 use crate::key_type::{Raw, Whole};
+use crate::{check::Checker, error::ConfigError, key::Given};
 use histories::{AttitudeHistory, OrbitHistory, read};
 
 /// A file that may be a kernel, and the keys that go with one.

@@ -12,10 +12,9 @@
 //! error, unless a text of its own follows the limit. A key that is declared and not read is dead code, which the
 //! compiler reports; a key that is not declared cannot be read.
 
-use crate::check::Checker;
 use crate::declared::{Declared, Presence, Preset};
 use crate::error::{ConfigError, MISSING};
-use crate::key_type::KeyType;
+use crate::{check::Checker, key_type::KeyType};
 use base::time::Span;
 use core::fmt;
 use serde::de::DeserializeOwned;
@@ -231,8 +230,7 @@ macro_rules! section {
             $(
                 $(#[doc = $sentence])+
                 pub(super) fn $key(&self) -> $crate::key::Given<'_, $type> {
-                    use $crate::check::Rule::*;
-                    use $crate::declared::Preset::*;
+                    use $crate::{check::Rule::*, declared::Preset::*};
                     $crate::key::Given {
                         table: $crate::key::Section::table(self),
                         name: $crate::declared::plain(stringify!($key)),
@@ -248,8 +246,7 @@ macro_rules! section {
         #[allow(unused_imports, reason = "not every section has every kind of default and limit")]
         impl $crate::key::Section for $keys {
             fn declared() -> $crate::declared::Declared {
-                use $crate::check::Rule::*;
-                use $crate::declared::Preset::*;
+                use $crate::{check::Rule::*, declared::Preset::*};
                 $crate::declared::Declared {
                     keys: vec![$( $crate::declared::Key::of::<$type>(
                         [stringify!($key), concat!($($sentence),+)],
@@ -282,4 +279,5 @@ macro_rules! section {
     )+ };
 }
 
-pub(super) use {section, taken};
+pub(super) use section;
+pub(super) use taken;

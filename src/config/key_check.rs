@@ -1,18 +1,12 @@
 //! The check of keys against their declarations alone, for files whose values crates above read.
 
-use crate::check::Checker;
-use crate::data_set_keys::DataSetKeys;
 use crate::declared::{Declared, Key, Preset};
-use crate::document::Document;
-use crate::error::ConfigError;
-use crate::file_keys::declared;
 use crate::file_kind::{FileKind, must_be};
-use crate::key_type::Shape;
-use crate::nearest::nearest;
-use crate::requirement_keys::RequirementKeys;
-use crate::several::check_all;
-use crate::test_plan_keys::PlanKeys;
 use crate::wrong_type::{as_clause, wanted_by};
+use crate::{
+    check::Checker, data_set_keys::DataSetKeys, document::Document, error::ConfigError, file_keys::declared,
+    key_type::Shape, nearest::nearest, requirement_keys::RequirementKeys, several::check_all, test_plan_keys::PlanKeys,
+};
 use toml::{Table, Value};
 
 /// Refuses a test plan, requirements or a data set with keys that are unknown, missing, of another type or out of range;

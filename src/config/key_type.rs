@@ -1,10 +1,7 @@
 //! The types of values that keys may have, each with its limit.
 
-use crate::check::Rule;
-use crate::nearest::with_what_was_meant;
-use core::fmt;
-use core::marker::PhantomData;
-use core::ops::RangeInclusive;
+use crate::{check::Rule, nearest::with_what_was_meant};
+use core::{fmt, marker::PhantomData, ops::RangeInclusive};
 
 /// A type of values.
 pub(super) trait KeyType {

@@ -1,8 +1,7 @@
 //! `[illumination]`, `[background]`, `[baffle]`, and the polynomial of `[distortion]`: what they mean, what is refused.
 
 use super::*;
-use plan::optics::Illumination;
-use plan::optics::illumination::Vignetting;
+use plan::optics::{Illumination, illumination::Vignetting};
 use std::path::Path;
 
 const MINIMAL: &str = "[detector]\nwidth_px = 640\nheight_px = 480\n[optics]\nfocal_length_mm = 25\naperture_mm = 20\n";

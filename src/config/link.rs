@@ -2,13 +2,11 @@
 //! keys.
 
 use crate::check::{Checker, Defaulted, Rule};
-use crate::error::ConfigError;
 use crate::file_kind::{FileKind, must_be};
 use crate::key::{Given, Section, taken};
-use crate::key_type::Raw;
 use crate::link_keys::{Address, Kind, LinkKeys, LinkTable, WIRES};
 use crate::plain_link::{self, Plain};
-use crate::several::check_partly;
+use crate::{error::ConfigError, key_type::Raw, several::check_partly};
 use core::net::SocketAddr;
 use firmware_protocol::can::{CanId, IdMap};
 use link::gateway::TcpAddress;

@@ -8,9 +8,8 @@ use crate::plain_link::{Form, SENSES, TIMES};
 use core::fmt;
 use firmware_protocol::can::IdMap;
 use link::plain::{FIELD_NAMES, QuaternionSense, TimeMeaning};
-use serde::Deserialize;
-use serde::de::value::MapAccessDeserializer;
 use serde::de::{Deserializer, MapAccess, Visitor};
+use serde::{Deserialize, de::value::MapAccessDeserializer};
 
 section! {
     /// A bus to the flight computer.

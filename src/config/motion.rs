@@ -4,11 +4,9 @@
 //! which rates that no history takes are refused. `src/guide/motion_and_jitter.md` has the formulas. Tests:
 //! `motion_tests`.
 
-use crate::check::Checker;
-use crate::error::ConfigError;
-use crate::event::Pointing;
 use crate::key::{Section, listed, section, taken};
 use crate::key_type::{Numbers, Word};
+use crate::{check::Checker, error::ConfigError, event::Pointing};
 use base::axes::{Body, Icrf, Rotation, Sensor, sensor_from_ra_dec_roll};
 use base::units::DEG;
 use core::f64::consts::TAU;

@@ -3,14 +3,10 @@
 //! Every key left out is off. Diffraction is always on (`[psf]` has its F-number and obscuration), the pixel too. The
 //! light is one wavelength (`psf.wavelength_nm`), or the camera's `[band]` for a star of colour `psf.bp_rp`.
 
-use crate::check::Checker;
-use crate::detector::Detector;
-use crate::error::ConfigError;
 use crate::key::{Section, section};
 use crate::key_type::{Whole, Word};
-use crate::optics::Optics;
-use crate::psf::Psf;
-use crate::psf::PsfKeys;
+use crate::psf::{Psf, PsfKeys};
+use crate::{check::Checker, detector::Detector, error::ConfigError, optics::Optics};
 use image::detector::tdi::Tdi;
 use plan::optics::mtf::circuit::{Circuit, LOWEST_CUTOFF};
 use plan::optics::mtf::diffusion::{Diffusion, Layers, Side};

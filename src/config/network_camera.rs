@@ -1,9 +1,8 @@
 //! Keys of a camera on the network: `kind = "network_camera"` in a table of a sink.
 
-use crate::check::Checker;
-use crate::error::ConfigError;
 use crate::key::{Given, section, taken};
 use crate::key_type::{Any, Whole, Word};
+use crate::{check::Checker, error::ConfigError};
 use outputs::network_camera::{Identity, Params, PixelFormat, XmlForm};
 use std::net::Ipv4Addr;
 
@@ -117,8 +116,7 @@ fn mac(given: &Given<'_, String>, check: &Checker<'_>) -> Result<Option<[u8; 6]>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::document::Document;
-    use crate::key::Section;
+    use crate::{document::Document, key::Section};
     use std::path::Path;
 
     fn read(text: &str) -> Result<Params, ConfigError> {

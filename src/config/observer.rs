@@ -1,13 +1,10 @@
 //! `[observer]`: where the sensor is, for parallax and aberration.
 
-use crate::check::Checker;
-use crate::error::ConfigError;
-use crate::kernels::Kernels;
 use crate::key::{Given, Section, section, taken};
 use crate::key_type::{Any, Raw, Shape, Whole, Word};
 use crate::plant_file::{refused, text_of};
-use base::time::Tai;
-use base::units::DEG;
+use crate::{check::Checker, error::ConfigError, kernels::Kernels};
+use base::{time::Tai, units::DEG};
 use histories::{OrbitHistory, read};
 use sky::observer::check_states;
 use sky::orbit::{CentralBody, KeplerElements, TleOrbit, USUAL_MOST_DAYS, is_elements};

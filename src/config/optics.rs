@@ -1,11 +1,10 @@
 //! `[optics]`, `[distortion]`.
 
 use crate::check::{Checker, Rule};
-use crate::detector::Detector;
 use crate::distortion::{Terms, check_polynomial};
-use crate::error::ConfigError;
 use crate::key::{Given, Section, section};
 use crate::key_type::{Numbers, Raw, Shape, Word};
+use crate::{detector::Detector, error::ConfigError};
 use sky::astrometry::PolynomialDistortion;
 
 /// Shortest focal length, mm: a tenth of that, and one pixel sees most of the sky.

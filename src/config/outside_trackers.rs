@@ -1,10 +1,7 @@
 //! `[plant.tracker]` of a plant outside: the built-in star trackers beside it.
 
-use crate::bench::Bench;
-use crate::check::Checker;
-use crate::error::ConfigError;
-use crate::key::Section;
 use crate::plant::{PlantKeys, TrackerCommands};
+use crate::{bench::Bench, check::Checker, error::ConfigError, key::Section};
 use base::time::Span;
 
 /// The built-in star trackers beside a plant outside, one for each head.

@@ -6,13 +6,11 @@
 //! below, `tests/closed_loop/replay.rs`.
 
 use crate::document::{Document, beside};
-use crate::error::ConfigError;
-use crate::setting::NAMES_A_FILE;
+use crate::{error::ConfigError, setting::NAMES_A_FILE};
 use base::input_file::{DATA_BYTES, InputFile};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
-use std::io::Read;
 use std::path::{Component, Path, PathBuf};
+use std::{collections::BTreeMap, io::Read};
 
 /// Keys of a camera that name a file of points.
 const NAMES_A_TABLE: [&str; 2] = ["band.qe_file", "band.transmission_file"];
@@ -272,11 +270,7 @@ pub(super) fn joined(keys: &str, key: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Bench;
-    use crate::declared::Declared;
-    use crate::file_keys::declared;
-    use crate::file_kind::FileKind;
-    use crate::key_type::Shape;
+    use crate::{Bench, declared::Declared, file_keys::declared, file_kind::FileKind, key_type::Shape};
     use std::collections::BTreeSet;
 
     const BENCH: &str = "[timing]\nduration_s = 2.0\n[jitter]\nseries = \"in/shake it.csv\"\nat_end = \"repeat\"\n";

@@ -2,14 +2,11 @@
 //!
 //! `kind = "udp"` and `"tcp"`, and `wire = "plain"` on a simulated bus. Tests: `plain_link_tests`.
 
-use crate::check::Checker;
-use crate::error::ConfigError;
 use crate::flight_computer::{FlightComputer, JitterSource};
-use crate::key::Section;
 use crate::link::{Carrier, Link, Wire, address, named_address};
 use crate::link_keys::{Kind, LinkTable};
-use crate::nearest::nearest;
 use crate::session::{Session, SessionStart};
+use crate::{check::Checker, error::ConfigError, key::Section, nearest::nearest};
 use base::time::Span;
 use link::plain::{Encoding, FIELD_NAMES, LayoutError, PlainLayout, QuaternionSense, TimeMeaning};
 

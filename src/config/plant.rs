@@ -2,13 +2,10 @@
 //!
 //! A scenario file that names a bench has the same tables at its top level. Tests: `plant_tests`.
 
-use crate::check::Checker;
-use crate::error::ConfigError;
-use crate::event::Pointing;
 use crate::key::{Section, section};
 use crate::key_type::{Any, Numbers, Raw, Shape, Whole, Word};
 use crate::plant_file::{Begins, FilePlant, SENSES};
-use crate::spacecraft::Spacecraft;
+use crate::{check::Checker, error::ConfigError, event::Pointing, spacecraft::Spacecraft};
 use base::time::Span;
 use glam::DVec3;
 use histories::Sense;

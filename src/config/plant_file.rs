@@ -1,11 +1,7 @@
 //! `[plant] kind = "file"`: attitudes from a file, and how they are laid upon the run. Tests: `plant_tests`.
 
-use crate::check::Checker;
-use crate::error::ConfigError;
-use crate::kernels::Kernels;
-use crate::key::Given;
-use crate::plant::PlantKeys;
 use crate::timing::{StartTime, Timing};
+use crate::{check::Checker, error::ConfigError, kernels::Kernels, key::Given, plant::PlantKeys};
 use base::time::{Span, Tai};
 use histories::{AttitudeHistory, HistoryError, Sense, Times, read};
 use std::sync::Arc;

@@ -6,18 +6,16 @@
 //! not contain it: a replay reads it from its original place.
 
 use crate::check::{Checker, Rule};
-use crate::detector::Detector;
-use crate::error::ConfigError;
 use crate::key::{Section, listed, section};
 use crate::key_type::{Raw, Shape, Whole, Word};
 use crate::mtf::{Chain, MtfKeys};
 use crate::optics::{LARGEST_OBSCURATION, Optics};
+use crate::{detector::Detector, error::ConfigError};
 use frames::sink::fits::FitsImage;
-use plan::exposure::PsfSampling;
 use plan::optics::measured::{Background, Holds, MeasuredError, Measurement, StarAt};
-use plan::optics::moffat::Moffat;
 use plan::optics::psf_field::{MOST_NODES, PsfField};
 use plan::optics::{PsfGrid, PsfModel};
+use plan::{exposure::PsfSampling, optics::moffat::Moffat};
 use serde::Deserialize;
 
 /// Default exponent of a Moffat profile: turbulence (Trujillo et al. 2001).

@@ -1,10 +1,9 @@
 //! `[radiometry]` and `[exposure]`.
 
 use crate::check::{Checker, Rule};
-use crate::detector::Detector;
-use crate::error::ConfigError;
 use crate::key::{Section, section};
 use crate::key_type::{Any, Raw, Shape, Word};
+use crate::{detector::Detector, error::ConfigError};
 use core::fmt;
 use plan::optics::{GreyMap, GreyScale};
 use serde::Deserialize;

@@ -1,9 +1,7 @@
 //! The Markdown reference of every key.
 
 use crate::declared::{Declared, Key, Presence, Preset, Table};
-use crate::file_keys::declared;
-use crate::file_kind::FileKind;
-use crate::key_type::Shape;
+use crate::{file_keys::declared, file_kind::FileKind, key_type::Shape};
 use core::fmt::Write;
 
 /// Returns the reference of the keys of these kinds of files, as Markdown.

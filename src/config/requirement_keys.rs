@@ -1,9 +1,7 @@
 //! Keys of files of requirements: declared here for reference, schema, templates and the check of keys.
 #![allow(dead_code, reason = "crates above read the values of these keys, after their check")]
 
-use crate::key::section;
-use crate::key_type::Word;
-use crate::test_plan_keys::NeededList;
+use crate::{key::section, key_type::Word, test_plan_keys::NeededList};
 
 section! {
     /// Requirements on a star tracker.

@@ -5,26 +5,21 @@
 
 use crate::bench::{Bench, BesideBench, check_sinks_of_heads};
 use crate::check::{Checker, Defaulted};
-use crate::document::Document;
 use crate::error::{ConfigError, Partly};
 use crate::event::{Action, Event};
-use crate::event_places::check_event_places;
-use crate::event_word::EventKeys;
 use crate::expect::{Expect, ExpectKeys};
 use crate::file_kind::{FileKind, must_be_one_of};
 use crate::head::{HEADS_MAX, HeadKeys, check_heads};
 use crate::key::{Given, section};
-use crate::key_type::Whole;
-use crate::observer::Observer;
-use crate::outside_trackers::OutsideTrackers;
 use crate::plant::{
     ControlKeys, FlightKeys, IN_BENCH, IN_SCENARIO, InitialKeys, Plant, PlantKind, PointingKeys, TelemetryKeys,
     TrackerKeys, Vehicle,
 };
-use crate::plant_file::FilePlant;
-use crate::session::SessionStart;
-use crate::setting::Setting;
 use crate::several::{check_all, check_partly};
+use crate::{
+    document::Document, event_places::check_event_places, event_word::EventKeys, key_type::Whole, observer::Observer,
+    outside_trackers::OutsideTrackers, plant_file::FilePlant, session::SessionStart, setting::Setting,
+};
 use base::time::Span;
 use std::path::Path;
 

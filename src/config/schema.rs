@@ -1,10 +1,7 @@
 //! JSON Schema of every kind of files, for editors and validators.
 
-use crate::check::Rule;
 use crate::declared::{Declared, Key, Presence, Preset, Table};
-use crate::file_keys::declared;
-use crate::file_kind::FileKind;
-use crate::key_type::Shape;
+use crate::{check::Rule, file_keys::declared, file_kind::FileKind, key_type::Shape};
 use serde_json::{Map, Value, json};
 
 /// Returns the JSON Schema (draft 2020-12) of a kind of files. What depends on several keys only the program checks.

@@ -1,11 +1,7 @@
 //! `[session]`: how the conversation with the flight computer is kept.
 
-use crate::check::Checker;
-use crate::error::ConfigError;
-use crate::flight_computer::FlightComputer;
 use crate::key::{section, taken};
-use crate::key_type::Word;
-use crate::link::Link;
+use crate::{check::Checker, error::ConfigError, flight_computer::FlightComputer, key_type::Word, link::Link};
 use base::time::Span;
 
 /// When frames begin to show stars.

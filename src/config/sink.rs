@@ -2,13 +2,11 @@
 //!
 //! A new kind is an arm of [`Sink`], a line in [`KINDS`] and a reader in [`read_kind`]; `run::wiring::sinks` makes it.
 
-use crate::check::Checker;
 use crate::declared::{Declared, Presence, Preset};
 use crate::display::{DisplayKeys, DisplaySettings};
-use crate::error::ConfigError;
 use crate::key::{Inner, Section, section, taken};
 use crate::key_type::{Any, Shape, Whole, Word};
-use crate::network_camera as network_camera_keys;
+use crate::{check::Checker, error::ConfigError, network_camera as network_camera_keys};
 use outputs::network_camera::Params as NetworkCameraParams;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};

@@ -11,10 +11,9 @@ use base::time::{Span, Tai};
 use base::units::{ARCSEC, DEG, RPM};
 use glam::{DMat3, DVec3};
 use std::path::Path;
-use testbed::spacecraft::is_inertia;
 use testbed::spacecraft::{
     CircularOrbitParams, DisturbanceParams, FlexibleMode, GyroParams, Harmonic, SpacecraftParams, UnloadingParams,
-    WheelParams,
+    WheelParams, is_inertia,
 };
 
 /// Square root of an hour in square roots of a second.

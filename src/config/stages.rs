@@ -1,11 +1,8 @@
 //! `[attitude]`, `[accuracy]`, `[render]`: how the stimulator does its work.
 
-use crate::check::Checker;
-use crate::error::ConfigError;
 use crate::key::{section, taken};
-use crate::key_type::Word;
-use base::accuracy::AccuracyBudget;
-use base::time::Span;
+use crate::{check::Checker, error::ConfigError, key_type::Word};
+use base::{accuracy::AccuracyBudget, time::Span};
 use frames::camera_control::longest_exposure_s;
 use plan::attitude::{EstimateLimits, HistoryLimits, RemoteClockLimits, StalePolicy};
 use plan::exposure::MethodChoice;

@@ -1,15 +1,10 @@
 //! Substitutes for bad values while the rest of a document is checked: the word that was meant, or, for a key that must
 //! be given, any value that its declaration allows.
 
-use crate::declared::Preset;
-use crate::document::Document;
-use crate::error::ConfigError;
-use crate::file_keys::declared;
-use crate::file_kind::FileKind;
-use crate::key_type::Shape;
-use crate::nearest::meant_word;
-use crate::setting::Setting;
-use crate::wrong_type::declared_key;
+use crate::{
+    declared::Preset, document::Document, error::ConfigError, file_keys::declared, file_kind::FileKind,
+    key_type::Shape, nearest::meant_word, setting::Setting, wrong_type::declared_key,
+};
 
 /// Number of the trigger that replaces the first event without a word; no file has it by chance.
 const FIRST_TRIGGER: usize = 60_000;

@@ -1,15 +1,12 @@
 //! `[[target]]`: point sources that move over the detector by a script, or fly about the Earth, and what becomes of
 //! stars behind them.
 
-use crate::check::Checker;
-use crate::document::Document;
-use crate::error::ConfigError;
 use crate::key::{Section, section, taken};
 use crate::key_type::{Numbers, Raw, Shape, Whole, Word};
 use crate::target_orbit::{KINDS, Kind, OrbitSettings, USUAL_ALBEDO, check_brightness};
+use crate::{check::Checker, document::Document, error::ConfigError};
 use plan::exposure::{TargetCurve, TargetPath};
-use sky::orbit::USUAL_MOST_DAYS;
-use sky::target::Brightness;
+use sky::{orbit::USUAL_MOST_DAYS, target::Brightness};
 use std::path::Path;
 
 /// Most targets of a bench.

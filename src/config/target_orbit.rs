@@ -1,12 +1,8 @@
 //! `[[target]] orbit = ...`: targets on the sky, by where they fly about the Earth and how they shine.
 
-use crate::check::Checker;
-use crate::error::ConfigError;
 use crate::key::{Given, Section, taken};
-use crate::key_type::Raw;
-use crate::target::TargetKeys;
-use base::time::Tai;
-use base::units::DEG;
+use crate::{check::Checker, error::ConfigError, key_type::Raw, target::TargetKeys};
+use base::{time::Tai, units::DEG};
 use sky::orbit::KeplerElements;
 use sky::target::{Brightness, MOST_PHASE_POINTS, PhaseCurve, SUN_BP_RP};
 

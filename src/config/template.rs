@@ -1,10 +1,7 @@
 //! Templates of files: every key with what it means, commented out.
 
-use crate::check::Rule;
 use crate::declared::{Declared, Key, Presence, Preset, Table};
-use crate::file_keys::declared;
-use crate::file_kind::FileKind;
-use crate::key_type::Shape;
+use crate::{check::Rule, file_keys::declared, file_kind::FileKind, key_type::Shape};
 use core::fmt::Write;
 
 /// Columns of a line of comment.

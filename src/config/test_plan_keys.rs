@@ -2,9 +2,8 @@
 //! together is checked by those who fly them.
 #![allow(dead_code, reason = "crates above read the values of these keys, after their check")]
 
-use crate::declared::Presence;
-use crate::key::section;
 use crate::key_type::{Numbers, Raw, Shape, Whole, Word};
+use crate::{declared::Presence, key::section};
 
 section! {
     /// A test plan.

@@ -1,8 +1,7 @@
 //! Shipped files load; every rule has a failing example; what is wrong is said with file, line, key and advice.
 
 use super::*;
-use plan::attitude::StalePolicy;
-use plan::exposure::Degradation;
+use plan::{attitude::StalePolicy, exposure::Degradation};
 use proptest::prelude::*;
 use std::path::Path;
 

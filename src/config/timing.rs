@@ -1,9 +1,7 @@
 //! `[timing]`: frames, duration, the simulated start.
 
-use crate::check::Checker;
-use crate::error::ConfigError;
 use crate::key::{Given, Section, section, taken};
-use crate::key_type::Word;
+use crate::{check::Checker, error::ConfigError, key_type::Word};
 use base::time::{Span, Tai};
 use plan::exposure::Degradation;
 

@@ -3,20 +3,16 @@
 //!
 //! `protocol` and `link` say which other keys there are. `run::wiring::tracker_out` makes what is described here.
 
-use crate::bench::Bench;
-use crate::check::Checker;
-use crate::error::ConfigError;
-use crate::head::HEADS_MAX;
 use crate::key::{Section, listed, section, taken};
 use crate::key_type::{Any, Numbers, Raw, Whole, Word};
 use crate::link::{address, named_address};
 use crate::link_keys::{Address, port_or_address};
+use crate::{bench::Bench, check::Checker, error::ConfigError, head::HEADS_MAX};
 use base::time::Span;
 use base::units::{ARCSEC, DEG};
 use glam::DVec3;
-use std::ffi::OsStr;
-use std::net::SocketAddr;
 use std::path::{Component, PathBuf};
+use std::{ffi::OsStr, net::SocketAddr};
 use testbed::tracker_model::{ModelParams, NoiseMethod};
 
 /// Most of them in one bench.

@@ -1,14 +1,11 @@
 //! `[[trigger_line]]`: GPIO lines of this machine whose edges start exposures.
 
-use crate::check::Checker;
-use crate::error::ConfigError;
-use crate::head::HEADS_MAX;
 use crate::key::{listed, section};
 use crate::key_type::{Any, Whole, Word};
+use crate::{check::Checker, error::ConfigError, head::HEADS_MAX};
 use frames::camera_control::ExposureMode;
 use link::gpio::{ActiveEdge, GpioLine, LineBias, LineName};
-use std::path::PathBuf;
-use std::time::Duration;
+use std::{path::PathBuf, time::Duration};
 
 /// Where chips are that are given by name.
 const DEVICES: &str = "/dev";

@@ -1,11 +1,7 @@
 //! Values of a wrong type, in the words of the other refusals: key, value, what is wanted, and what to try.
 
 use crate::declared::{Declared, Key};
-use crate::document::Document;
-use crate::error::ConfigError;
-use crate::file_keys::declared;
-use crate::file_kind::FileKind;
-use crate::key_type::Shape;
+use crate::{document::Document, error::ConfigError, file_keys::declared, file_kind::FileKind, key_type::Shape};
 use core::ops::Range;
 use toml::de::{DeTable, DeValue};
 

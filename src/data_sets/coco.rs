@@ -5,8 +5,7 @@
 //! lengths. An image's number is its item's; an annotation's follows from item and place, so that shards can be written
 //! apart. Tests: below, and with pycocotools in `hil_scripts/test_data_sets.py`.
 
-use crate::outline::Outline;
-use crate::studio::Item;
+use crate::{outline::Outline, studio::Item};
 use serde_json::{Value, json};
 
 /// The one category.

@@ -14,8 +14,7 @@ use base::input_file::{DATA_BYTES, read_bytes, read_text};
 use core::fmt::Write;
 use serde::{Deserialize, Serialize};
 use stars::credits;
-use std::fs::File;
-use std::path::Path;
+use std::{fs::File, path::Path};
 
 /// Name of the file that says what the folder is about.
 const ABOUT: &str = "data_set.json";

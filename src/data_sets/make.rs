@@ -11,9 +11,8 @@ use crate::spec::Spec;
 use anyhow::{Context, Result, bail};
 use core::ops::Range;
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
-use std::path::Path;
 use std::sync::{Mutex, PoisonError};
-use std::time::Duration;
+use std::{path::Path, time::Duration};
 
 /// Most items of a data set.
 pub const MOST_ITEMS: u32 = 100_000_000;

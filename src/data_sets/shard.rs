@@ -4,11 +4,9 @@
 //! length and SHA-256. A shard without a record is drawn again from its beginning: a program may be killed at any instant.
 //! Tests: below and `make`.
 
-use crate::coco::Entries;
 use crate::image_files::{FileRow, Files, ImageFiles, write_below};
 use crate::labels::{Filed, Labels, json_of};
-use crate::spec::Spec;
-use crate::studio::Studio;
+use crate::{coco::Entries, spec::Spec, studio::Studio};
 use anyhow::{Context, Result};
 use base::clock::Stopwatch;
 use base::input_file::{DATA_BYTES, read_text};

@@ -4,11 +4,9 @@
 //! ready to draw ([`Studio`]); then, for the number of an item, its image, truth and labels ([`Item`]). A camera with image
 //! lag is refused: its images depend on the images before them. Tests: below.
 
-use crate::distribution::drawn_table;
 use crate::draws::{Draws, Purpose};
 use crate::outline::{Mean, Outline};
-use crate::recipe::Recipe;
-use crate::spec::Spec;
+use crate::{distribution::drawn_table, recipe::Recipe, spec::Spec};
 use anyhow::{Context, Result, bail};
 use base::time::Span;
 use batch::still::{Still, StillParams, stays};
@@ -16,9 +14,8 @@ use config::{Bench, Camera, Document, Scenario, Setting, TargetSettings, is_came
 use frames::sink::{FrameFault, SentFrame, TruthKind};
 use image::gpu::Electrons;
 use plan::exposure::target::Target;
-use run::runtime::engine::Light;
-use run::wiring::bench_parts::scripted;
 use run::wiring::sensitivity::{Conditions, Sensitivity};
+use run::{runtime::engine::Light, wiring::bench_parts::scripted};
 use std::path::Path;
 use toml::Table;
 

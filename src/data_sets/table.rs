@@ -6,10 +6,8 @@
 use anyhow::{Result, bail};
 use parquet::basic::{Compression, ZstdLevel};
 use parquet::data_type::{ByteArray, ByteArrayType, DataType, DoubleType, Int64Type};
-use parquet::file::metadata::KeyValue;
-use parquet::file::properties::WriterProperties;
 use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
-use parquet::schema::parser::parse_message_type;
+use parquet::{file::metadata::KeyValue, file::properties::WriterProperties, schema::parser::parse_message_type};
 use std::sync::Arc;
 
 /// Level of compression: the fastest.

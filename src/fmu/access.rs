@@ -1,9 +1,6 @@
 //! Variables by their references, as the C interface gets and sets them.
 
-use crate::outputs::HeadOutputs;
-use crate::slave::Slave;
-use crate::state::State;
-use crate::variables::reference;
+use crate::{outputs::HeadOutputs, slave::Slave, state::State, variables::reference};
 
 impl Slave {
     /// Returns the time at which the next step begins, s.

@@ -11,12 +11,10 @@
 //! The same run file and library give the same bytes.
 
 use crate::description::{MODEL_IDENTIFIER, Model, description};
-use crate::error::FmuError;
-use crate::variables::variables;
+use crate::{error::FmuError, variables::variables};
 use base::input_file::{DATA_BYTES, read_bytes};
 use config::{Document, Plant, Scenario};
-use frames::sink::replace_own_file;
-use frames::zip_archive::archive;
+use frames::{sink::replace_own_file, zip_archive::archive};
 use std::path::Path;
 
 /// The packed run file, below the resources.

@@ -2,8 +2,7 @@
 
 use crate::error::FmuError;
 use base::axes::{Rotation, WRITTEN_NORM_TOLERANCE};
-use base::time::Tai;
-use base::units::METRE_KM;
+use base::{time::Tai, units::METRE_KM};
 use glam::DVec3;
 use run::runtime::{PlantAttitude, PlantSample};
 use sky::observer::BarycentricState;

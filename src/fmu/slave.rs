@@ -5,16 +5,12 @@
 //! [`Slave::step`] ..., [`Slave::terminate`]; [`Slave::reset`] begins again.
 
 use crate::archive::{RUN_FILE, check_plant, token};
-use crate::error::FmuError;
-use crate::inputs::Inputs;
-use crate::outputs::HeadOutputs;
-use crate::state::State;
+use crate::{error::FmuError, inputs::Inputs, outputs::HeadOutputs, state::State};
 use base::input_file::{DATA_BYTES, read_text};
 use base::time::Span;
 use config::{Action, Camera, Carrier, Document, Event, GatewayPorts, PackedDocuments, Plant, Scenario, SessionStart};
-use run::runtime::EventKind;
 use run::wiring::assemble::{Outputs, Run, RunOptions};
-use run::wiring::stepped::SteppedRun;
+use run::{runtime::EventKind, wiring::stepped::SteppedRun};
 use std::path::{Path, PathBuf};
 
 /// Largest difference of a step's begin from the end of the step before, s.

@@ -3,8 +3,7 @@
 use crate::instance::{Instance, LogMessage, Status, log, of, put, text};
 use core::ffi::{c_char, c_void};
 use fmu::{FmuError, Slave};
-use std::panic::catch_unwind;
-use std::path::Path;
+use std::{panic::catch_unwind, path::Path};
 
 /// `fmi3IntermediateUpdateCallback`, which is never called.
 type IntermediateUpdate = Option<unsafe extern "C" fn()>;

@@ -4,8 +4,7 @@
 //! fills it up. The same files give the same bytes. The layout is that of the zip application note without its 64-bit
 //! extensions; the tests read it back with an independent inflater and with another program.
 
-use flate2::Compression;
-use flate2::write::DeflateEncoder;
+use flate2::{Compression, write::DeflateEncoder};
 use std::io::{self, Write};
 
 const LOCAL_HEADER: u32 = 0x0403_4B50;

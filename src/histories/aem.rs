@@ -9,15 +9,12 @@
 //! One of the frames is inertial, the other that of the spacecraft. A quaternion from inertial to body axes is the
 //! conjugate of this program's: CCSDS's turns the axes, ours rewrites vectors. Types of attitudes: `aem_row`.
 
-use crate::aem_frames::Frames;
 use crate::aem_row::{MOST_NUMBERS, RowKind};
 use crate::attitude::{AttitudeHistory, AttitudeSegment, Times};
-use crate::attitude_methods::AttitudeInterpolation;
-use crate::attitude_state::AttitudeState;
 use crate::error::{HistoryError, Source};
-use crate::findings;
 use crate::message::{Kind, Message};
 use crate::metadata::{Metadata, Wanted, numbers};
+use crate::{aem_frames::Frames, attitude_methods::AttitudeInterpolation, attitude_state::AttitudeState, findings};
 
 /// Keywords of a segment that OEM does not have.
 const KEYS: [&str; 9] = [

@@ -1,9 +1,8 @@
 //! The two frames of a segment of an AEM, and the direction of its quaternions -> attitudes and rates as this program has
 //! them.
 
-use crate::error::HistoryError;
-use crate::metadata::Metadata;
 use crate::reference_axes::{ReferenceAxes, WANTED_AXES};
+use crate::{error::HistoryError, metadata::Metadata};
 use glam::{DQuat, DVec3};
 
 /// Beginnings of frame names that are neither inertial nor those of a spacecraft.

@@ -12,12 +12,8 @@
 //! angles X, Y and Z and lets programs differ on their order, so that only the sequence 123 is certain; its rates
 //! (/RATE) are left out, because it does not fix what they are. Tests: `tests::files`, `hil_scripts/test_histories.py`.
 
-use crate::aem_frames::Frames;
 use crate::attitude_methods::{MOST_TURN_RAD, rate_of_derivative, s_between};
-use crate::attitude_state::AttitudeState;
-use crate::error::HistoryError;
-use crate::message::Row;
-use crate::metadata::Metadata;
+use crate::{aem_frames::Frames, attitude_state::AttitudeState, error::HistoryError, message::Row, metadata::Metadata};
 use base::axes::{Rotation, WRITTEN_NORM_TOLERANCE};
 use glam::{DQuat, DVec3};
 

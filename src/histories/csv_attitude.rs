@@ -11,11 +11,10 @@
 //! `icrf_from_body`, its conjugate; `# axes: ICRF`, `EME2000`. Other columns are not used.
 
 use crate::attitude::{AttitudeHistory, AttitudeSegment, Times, Unfit};
-use crate::attitude_methods::AttitudeInterpolation;
-use crate::attitude_state::AttitudeState;
 use crate::csv_table::{Table, TimeColumn};
 use crate::error::{HistoryError, Source};
 use crate::reference_axes::{ReferenceAxes, WANTED_AXES};
+use crate::{attitude_methods::AttitudeInterpolation, attitude_state::AttitudeState};
 use base::axes::{Rotation, WRITTEN_NORM_TOLERANCE};
 use glam::{DQuat, DVec3};
 

@@ -1,10 +1,9 @@
 //! Values of a segment's metadata, with errors that name their line.
 
-use crate::attitude_methods::MOST_DEGREE;
 use crate::epoch::{TimeSystem, WANTED_EPOCH, WANTED_SYSTEM};
 use crate::error::{HistoryError, Source};
-use crate::findings;
 use crate::message::{Entry, Row, Segment};
+use crate::{attitude_methods::MOST_DEGREE, findings};
 use base::time::Tai;
 
 /// The interpolation that a segment asks for.

@@ -1,13 +1,12 @@
 //! CCSDS OEM, versions 1 to 3: a message -> an orbit. Kilometres and kilometres per second; covariances are passed
 //! over.
 
-use crate::epoch::TimeSystem;
 use crate::error::{HistoryError, Source};
-use crate::findings;
 use crate::message::{Encoding, Kind, Message, Row};
 use crate::metadata::{Metadata, Wanted, numbers};
 use crate::orbit::{Centre, OrbitHistory, OrbitInterpolation, OrbitSegment, OrbitState, WANTED_CENTRE};
 use crate::reference_axes::{ReferenceAxes, WANTED_AXES};
+use crate::{epoch::TimeSystem, findings};
 use glam::DVec3;
 
 /// Reads an OEM.

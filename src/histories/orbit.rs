@@ -5,9 +5,8 @@
 //! in position. Outside of its segments an orbit is not available.
 
 use crate::attitude_methods::{around, s_between};
-use crate::chebyshev::ChebyshevSeries;
 use crate::contradiction::{Comparison, Floor, Names, Step, compare};
-use crate::newton::Newton;
+use crate::{chebyshev::ChebyshevSeries, newton::Newton};
 use crate::{findings, segments};
 use core::fmt;
 use glam::DVec3;

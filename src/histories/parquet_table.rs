@@ -8,12 +8,10 @@
 
 use crate::error::HistoryError;
 use base::time::Tai;
-use parquet::errors::ParquetError;
 use parquet::file::reader::{FileReader, SerializedFileReader};
-use parquet::record::Field;
-use std::fs::File;
+use parquet::{errors::ParquetError, record::Field};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::Path;
+use std::{fs::File, path::Path};
 
 /// Metadata that say what the numbers are.
 const REMARKS: [&str; 2] = ["sense", "axes"];
@@ -99,14 +97,10 @@ fn plain(text: &str) -> String {
 mod tests {
     use super::*;
     use crate::read;
-    use parquet::basic::Compression;
     use parquet::data_type::{DoubleType, Int64Type};
-    use parquet::file::metadata::KeyValue;
-    use parquet::file::properties::WriterProperties;
-    use parquet::file::writer::SerializedFileWriter;
-    use parquet::schema::parser::parse_message_type;
-    use std::path::PathBuf;
-    use std::sync::Arc;
+    use parquet::file::{metadata::KeyValue, properties::WriterProperties, writer::SerializedFileWriter};
+    use parquet::{basic::Compression, schema::parser::parse_message_type};
+    use std::{path::PathBuf, sync::Arc};
 
     const MOST: u64 = 1 << 20;
 

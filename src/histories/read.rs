@@ -1,14 +1,11 @@
 //! Which reader a file needs, by its beginning and its name; and how large it may be.
 
-use crate::attitude::AttitudeHistory;
 use crate::csv_attitude::{self, Sense};
 use crate::error::{HistoryError, Source};
-use crate::orbit::OrbitHistory;
 use crate::{aem, csv_orbit, oem, stk_attitude, stk_ephemeris};
+use crate::{attitude::AttitudeHistory, orbit::OrbitHistory};
 use base::input_file::read_bytes;
-use std::fs::File;
-use std::io::Read;
-use std::path::Path;
+use std::{fs::File, io::Read, path::Path};
 
 /// Largest file: three million rows of an AEM with rates.
 pub const MOST_BYTES: u64 = 512 << 20;

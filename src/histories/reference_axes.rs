@@ -4,8 +4,7 @@
 //! mas in y and 15 mas in right ascension (IERS Conventions 2010, section 5.4.4), and it is applied. Test: ERFA's
 //! matrix.
 
-use base::axes::Rotation;
-use base::units::MAS;
+use base::{axes::Rotation, units::MAS};
 use glam::{DMat3, DQuat, DVec3};
 
 /// Inertial axes of a file.

@@ -3,12 +3,11 @@
 //! A block `SegmentBoundaryTimes` inside says at which seconds nothing is interpolated across; rows of covariances, which
 //! follow those of the ephemeris, are passed over.
 
-use crate::attitude_methods::MOST_DEGREE;
-use crate::csv_table::COUNTED_NS;
-use crate::epoch::read_stk_date;
 use crate::error::{HistoryError, Source};
 use crate::message::{Entry, Row};
-use crate::reference_axes::ReferenceAxes;
+use crate::{
+    attitude_methods::MOST_DEGREE, csv_table::COUNTED_NS, epoch::read_stk_date, reference_axes::ReferenceAxes,
+};
 use base::time::{Span, Tai};
 use std::borrow::Cow;
 

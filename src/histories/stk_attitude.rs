@@ -2,10 +2,8 @@
 //! rates (deg/s, body axes).
 
 use crate::attitude::{AttitudeHistory, AttitudeSegment, Times, Unfit};
-use crate::attitude_methods::AttitudeInterpolation;
-use crate::attitude_state::AttitudeState;
 use crate::error::{HistoryError, Source};
-use crate::stk::Block;
+use crate::{attitude_methods::AttitudeInterpolation, attitude_state::AttitudeState, stk::Block};
 use base::axes::{Rotation, WRITTEN_NORM_TOLERANCE};
 use glam::{DQuat, DVec3};
 

@@ -1,9 +1,8 @@
 //! STK ephemeris files (`.e`): seconds, positions and velocities, in metres unless the file says kilometres.
 
 use crate::error::{HistoryError, Source};
-use crate::newton::MOST_NODES;
 use crate::orbit::{Centre, OrbitHistory, OrbitInterpolation, OrbitSegment, OrbitState, UnfitOrbit};
-use crate::stk::Block;
+use crate::{newton::MOST_NODES, stk::Block};
 use glam::DVec3;
 
 /// Reads a file.

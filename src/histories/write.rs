@@ -1,8 +1,7 @@
 //! Histories as text: CCSDS AEM and OEM, STK `.a` and `.e`, CSV. What is written here is read back to 1e-12 (tests).
 
-use crate::attitude::AttitudeHistory;
-use crate::orbit::OrbitHistory;
 pub use crate::write_header::Header;
+use crate::{attitude::AttitudeHistory, orbit::OrbitHistory};
 use crate::{write_ccsds, write_csv, write_stk};
 use std::io::{self, Write};
 

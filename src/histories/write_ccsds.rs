@@ -2,11 +2,10 @@
 //! read back.
 
 use crate::attitude::{AttitudeHistory, AttitudeSegment};
-use crate::attitude_methods::AttitudeInterpolation;
-use crate::attitude_state::AttitudeState;
-use crate::epoch::utc_text;
 use crate::orbit::{OrbitHistory, OrbitInterpolation, OrbitSegment, OrbitState};
-use crate::write_header::Header;
+use crate::{
+    attitude_methods::AttitudeInterpolation, attitude_state::AttitudeState, epoch::utc_text, write_header::Header,
+};
 use base::time::Tai;
 use glam::DVec3;
 use std::io::{self, Write};

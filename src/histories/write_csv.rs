@@ -1,9 +1,7 @@
 //! Histories as CSV with named columns, as this crate reads them.
 
 use crate::attitude::{AttitudeHistory, Times};
-use crate::epoch::utc_text;
-use crate::orbit::OrbitHistory;
-use crate::write_header::Header;
+use crate::{epoch::utc_text, orbit::OrbitHistory, write_header::Header};
 use base::time::Tai;
 use std::io::{self, Write};
 

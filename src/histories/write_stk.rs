@@ -1,12 +1,9 @@
 //! STK's attitude and ephemeris files as text. One block has no gaps: segments follow each other in it, which a remark
 //! says.
 
-use crate::attitude::AttitudeHistory;
-use crate::epoch::stk_date;
-use crate::orbit::OrbitHistory;
 use crate::write_ccsds::{q1_q2_q3_qc, rate_deg_s};
-use base::time::Tai;
-use base::units::NS_PER_S;
+use crate::{attitude::AttitudeHistory, epoch::stk_date, orbit::OrbitHistory};
+use base::{time::Tai, units::NS_PER_S};
 use std::io::{self, Write};
 
 /// Returns seconds from the epoch, exact to the nanosecond.

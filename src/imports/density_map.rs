@@ -9,9 +9,8 @@ use base::source::{direction_from_ra_dec, ra_dec_rad};
 use base::units::DEG;
 use core::f64::consts::{FRAC_PI_2, PI};
 use glam::DVec3;
-use stars::catalog::Catalog;
-use stars::galactic::direction_of_galactic;
 use stars::layer::{Layer, LayerError};
+use stars::{catalog::Catalog, galactic::direction_of_galactic};
 
 /// Finest cells: 0.9 deg, those of the coarsest layer.
 const FINEST_ORDER: u8 = 6;

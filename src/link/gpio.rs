@@ -15,9 +15,8 @@
 //! wait for all lines of a chip together; waiting reads a file, off the frame path. Tests: `gpio_tests`, on a named
 //! pipe; on a simulated chip of the kernel where there is one, `hil_scripts/test_triggers.py`.
 
-use super::LinkError;
-use super::kernel_stamp::StampMap;
 use super::readiness::{Readiness, wait_for};
+use super::{LinkError, kernel_stamp::StampMap};
 use base::clock::{Clock, PairedReading};
 use base::time::{Span, Tai};
 use gpiocdev::line::{Bias, EdgeDetection, EdgeKind, EventClock};
@@ -25,10 +24,8 @@ use gpiocdev::request::Config;
 use gpiocdev::{Chip, Request};
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read};
-use std::os::fd::AsFd;
 use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
-use std::path::Path;
-use std::time::Duration;
+use std::{os::fd::AsFd, path::Path, time::Duration};
 
 /// Edges that may wait in the kernel.
 pub const QUEUE: u32 = 256;

@@ -4,9 +4,7 @@ use crate::gpio::{ActiveEdge, Edge, EdgeCounters, GpioChip, GpioLine, LineBias, 
 use base::clock::{Clock, Monotonic, PairedReading};
 use base::time::{Span, Tai};
 use std::fs::{File, OpenOptions};
-use std::io::Write;
-use std::path::PathBuf;
-use std::time::Duration;
+use std::{io::Write, path::PathBuf, time::Duration};
 
 struct Pipe {
     path: PathBuf,

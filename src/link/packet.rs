@@ -1,7 +1,6 @@
 //! The packets of a link: one CAN frame, one run of serial bytes, or one datagram.
 
-use firmware_protocol::can::CanFrame;
-use firmware_protocol::serial::ENCODED_MAX;
+use firmware_protocol::{can::CanFrame, serial::ENCODED_MAX};
 
 /// Longest run of serial bytes in one packet: holds any one encoded message.
 pub const CHUNK_MAX: usize = 80;

@@ -8,15 +8,10 @@
 //! Look at least once a second, off the frame path: each look reads a file (some microseconds, no allocation).
 //! Source: Linux `Documentation/driver-api/pps.rst`. Tests here, on a file that looks the same.
 
-use super::LinkError;
-use super::kernel_stamp::StampMap;
-use base::clock::PairedReading;
+use super::{LinkError, kernel_stamp::StampMap};
 use base::time::{Span, Tai};
-use base::units::NS_PER_S;
-use std::fs::File;
-use std::io;
-use std::os::unix::fs::FileExt;
-use std::path::Path;
+use base::{clock::PairedReading, units::NS_PER_S};
+use std::{fs::File, io, os::unix::fs::FileExt, path::Path};
 
 const NO_DEVICE: &str =
     "; see `ls /sys/class/pps`; load a driver (`modprobe pps-gpio`, or `pps-ldisc` with `ldattach pps`)";

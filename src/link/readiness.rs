@@ -2,8 +2,7 @@
 
 use base::time::Span;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use std::io;
-use std::os::fd::BorrowedFd;
+use std::{io, os::fd::BorrowedFd};
 
 /// Event that is waited for. Hang-ups and errors end every wait.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

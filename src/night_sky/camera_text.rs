@@ -1,9 +1,7 @@
 //! A camera file with what was fitted in place of what it said: everything else stays, comments do not.
 
-use crate::geometry::Geometry;
 use crate::light_fit::{FittedBackground, FittedLight};
-use crate::measure::PixelNoise;
-use crate::psf_fit::Shape;
+use crate::{geometry::Geometry, measure::PixelNoise, psf_fit::Shape};
 use config::Camera;
 use plan::optics::illumination::Vignetting;
 use sky::astrometry::BrownConrady;

@@ -3,30 +3,25 @@
 //! Detections -> attitude -> the fits (`fit`). Then the camera file is written, read again, and drawn: the figures are
 //! those of the file.
 
-use crate::camera_text;
 use crate::detect::{self, Detection};
 use crate::draw::{Drawn, draw};
-use crate::error::CompareError;
 use crate::field::{FieldStar, on_image};
 use crate::figures::{self, Pair};
-use crate::fitted::Fitted;
-use crate::geometry::Geometry;
-use crate::limiting;
 use crate::measure::{PixelNoise, Plate, Spot, measure};
 use crate::picture::{Flip, Picture};
 use crate::read::{self, ImageFile};
 use crate::result::{Comparison, conclude};
 use crate::sky_stars::{SkyStar, When, of_field, seen};
 use crate::solve::{BrightSky, LEAST_MATCHES, SCALE_TOLERANCES};
-use crate::stamp::Stamp;
+use crate::{camera_text, limiting};
+use crate::{error::CompareError, fitted::Fitted, geometry::Geometry, stamp::Stamp};
 use base::axes::{Icrf, Rotation, Sensor, ra_dec_roll};
 use base::time::Tai;
 use config::{Camera, Document};
 use glam::DVec3;
 use run::wiring::camera_parts::camera_params;
 use sky::astrometry::{ApparentPlaces, BrownConrady};
-use stars::Sky;
-use stars::catalog::Catalog;
+use stars::{Sky, catalog::Catalog};
 use std::path::{Path, PathBuf};
 
 /// Seed of the drawn frames.

@@ -1,20 +1,15 @@
 //! A camera file and an attitude -> the frame that starloop draws, with the truth about its stars.
 
 use crate::sky_stars::When;
-use base::accuracy::AccuracyBudget;
 use base::axes::{Icrf, Rotation, Sensor};
-use base::time::Span;
+use base::{accuracy::AccuracyBudget, time::Span};
 use config::Camera;
 use frames::sink::TruthStar;
 use image::detector::{DetectorConditions, Seeds};
 use plan::attitude::LosPath;
 use plan::exposure::{MethodChoice, Motion, Planner};
-use run::runtime::Imager;
-use run::runtime::imager::BackendChoice;
-use run::wiring::camera_parts::camera_params;
-use scene::SceneParams;
-use scene::field_light::illumination_map;
-use scene::truth::fill_truth;
+use run::{runtime::Imager, runtime::imager::BackendChoice, wiring::camera_parts::camera_params};
+use scene::{SceneParams, field_light::illumination_map, truth::fill_truth};
 use sky::almanac::Almanac;
 use stars::Sky;
 

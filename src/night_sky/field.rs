@@ -1,10 +1,8 @@
 //! Stars of one field where a geometry puts them, and those that it is fitted to.
 
-use crate::detect::Detection;
 use crate::geometry::{FittedGeometry, Freedom, Geometry, Tie};
-use crate::measure::Spot;
 use crate::picture::{median, rms};
-use crate::sky_stars::SkyStar;
+use crate::{detect::Detection, measure::Spot, sky_stars::SkyStar};
 use core::f64::consts::SQRT_2;
 
 /// Most stars that are measured: of deep layers the brightest.

@@ -3,22 +3,16 @@
 //! The order: detections -> geometry -> PSF -> geometry again, with the terms that are significant -> noise -> vignetting by the
 //! background -> zero point -> vignetting by the stars where they contradict -> background -> response.
 
-use crate::compare::Comparer;
 use crate::detect::{self, Detection};
-use crate::error::CompareError;
 use crate::field::{FieldStar, TIE_SNR, clipped, rms_of, ties_of_detections, ties_of_spots};
-use crate::fitted::Fitted;
 use crate::geometry::{FittedGeometry, Freedom, Geometry, Tie};
 use crate::light_fit::{self, FittedLight, LitStar};
 use crate::measure::{Plate, Spot, measure};
-use crate::picture::Picture;
 use crate::psf_fit::{self, FittedPsf};
 use crate::response::{Response, Tone, response};
-use crate::stamp::Stamp;
-use crate::terms;
+use crate::{compare::Comparer, error::CompareError, fitted::Fitted, picture::Picture, stamp::Stamp, terms};
 use glam::DVec2;
-use plan::optics::Illumination;
-use plan::optics::illumination::Vignetting;
+use plan::optics::{Illumination, illumination::Vignetting};
 use std::path::Path;
 
 /// How near a detection must be to a star of the catalog to be it, px, one step after the other.

@@ -2,9 +2,7 @@
 
 use crate::geometry::{Freedom, Geometry};
 use crate::light_fit::{FittedBackground, FittedLight};
-use crate::measure::PixelNoise;
-use crate::psf_fit::FittedPsf;
-use crate::response::Response;
+use crate::{measure::PixelNoise, psf_fit::FittedPsf, response::Response};
 use plan::optics::illumination::Vignetting;
 
 /// All that was fitted to a frame.

@@ -1,10 +1,7 @@
 //! Comparisons -> one HTML page with everything in it: tables, charts as SVG, pictures as data.
 
-use crate::compare::Compared;
-use crate::figures::ring_px;
-use crate::pictures::side_by_side;
 use crate::result::{Comparison, MOST_CENTROID_PX, MOST_ENERGY, MOST_MAG, MOST_NOISE};
-use crate::verdict::verdict;
+use crate::{compare::Compared, figures::ring_px, pictures::side_by_side, verdict::verdict};
 use core::fmt::Write;
 use frames::report::plot::{Axis, Chart, Series, Style, to_svg};
 use run::wiring::control::base64;

@@ -5,8 +5,7 @@ use crate::measure::PixelNoise;
 use crate::newton::{Fitted, linear};
 use crate::picture::{Picture, median, robust};
 use glam::DVec2;
-use plan::optics::Illumination;
-use plan::optics::illumination::Vignetting;
+use plan::optics::{Illumination, illumination::Vignetting};
 
 /// Fall towards the edge by the stars beside that by the background, in units of its error and mag, from which the stars decide.
 const EDGE_SIGMA: f64 = 4.0;

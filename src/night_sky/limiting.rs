@@ -5,10 +5,9 @@
 //! moments; their spread over the stars is compared with that of the drawn frame, which has the same noise and one PSF.
 
 use crate::figures::{Pair, StarRow};
-use crate::measure::Plate;
-use crate::newton::linear;
 use crate::picture::{robust, window};
 use crate::result::{COUNTED_SNR, Comparison, MOST_CENTROID_PX};
+use crate::{measure::Plate, newton::linear};
 
 /// Least number of stars for a polynomial.
 const LEAST_STARS: usize = 20;

@@ -3,10 +3,8 @@
 //! Each candidate's parameters are searched by steps that get smaller; each star has its own light, place and
 //! background beside. Where two are nearly as good, the one with fewer parameters is taken.
 
-use crate::figures::energy_weight;
 use crate::measure::{Plate, Spot};
-use crate::picture::window;
-use crate::stamp::Stamp;
+use crate::{figures::energy_weight, picture::window, stamp::Stamp};
 use plan::optics::PsfModel;
 
 /// Half-width of the square that is fitted, px.

@@ -6,13 +6,10 @@
 //! Files of more than [`MOST_BYTES`] and images of more than [`MOST_PIXELS`] are refused before their pixels are read.
 //! A damaged file is a message, never a panic: tests cut files at every place and change each byte of their heads.
 
-use crate::error::CompareError;
-use crate::picture::Picture;
+use crate::{error::CompareError, picture::Picture};
 use base::input_file::read_bytes;
-use frames::sink::SinkError;
-use frames::sink::fits::FitsImage;
-use std::io::Cursor;
-use std::path::Path;
+use frames::sink::{SinkError, fits::FitsImage};
+use std::{io::Cursor, path::Path};
 use tiff::ColorType;
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 

@@ -1,13 +1,9 @@
 //! Comparisons -> text, JSON, files.
 
-use crate::compare::Compared;
-use crate::html::page;
-use crate::pictures::side_by_side;
 use crate::result::{Comparison, SCHEMA_VERSION, most_outliers};
-use crate::verdict::verdict;
+use crate::{compare::Compared, html::page, pictures::side_by_side, verdict::verdict};
 use core::fmt::Write;
-use std::io;
-use std::path::Path;
+use std::{io, path::Path};
 
 /// Returns the comparisons as JSON.
 ///

@@ -5,9 +5,8 @@
 //! exponent is searched that takes it away. Light is the sum over 7 x 7 px, which does not depend on a PSF. Limits: a power of
 //! the whole range, one for the frame. Tests: below; a drawn frame with a curve in `tests/night_sky`.
 
-use crate::light_fit::huber;
 use crate::measure::{Plate, Spot};
-use crate::picture::window;
+use crate::{light_fit::huber, picture::window};
 
 /// Least SNR of a star, and least number of stars and magnitudes between them.
 const LEAST_SNR: f64 = 20.0;
@@ -101,8 +100,7 @@ fn slope(plate: &Plate<'_>, stars: &[Tone], gamma: f64) -> Option<[f64; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::measure::PixelNoise;
-    use crate::picture::Picture;
+    use crate::{measure::PixelNoise, picture::Picture};
 
     /// Side of a star's own square, and columns of squares.
     const SIDE_PX: usize = 12;

@@ -4,11 +4,9 @@
 //! are a fixed part and the drawn frame's own distances from its truth (noise and method), added as squares.
 
 use crate::figures::{BackgroundFigures, EnergyFigures, Pair, SnrRow, StarRow};
-use crate::fitted::Fitted;
-use crate::geometry::stretch_axis;
 use crate::outliers::{self, Candidate, WorstStar, worst};
 use crate::picture::{Flip, mean, rms};
-use crate::psf_fit::Shape;
+use crate::{fitted::Fitted, geometry::stretch_axis, psf_fit::Shape};
 use config::Camera;
 use serde::Serialize;
 use std::path::Path;

@@ -1,8 +1,6 @@
 //! Stars of the catalog -> where they are seen at a time, and those of one field.
 
-use base::source::CatalogSource;
-use base::source_id::SourceId;
-use base::time::Tai;
+use base::{source::CatalogSource, source_id::SourceId, time::Tai};
 use glam::DVec3;
 use sky::astrometry::{ApparentPlaces, Vantage};
 use sky::observer::{Observer, ObserverTrack};

@@ -5,9 +5,8 @@
 //! agree with are refined and counted on many. An attitude is accepted when [`LEAST_MATCHES`] and half of the brightest
 //! detections have a catalog star within `MATCH_PX`: by chance that happens less than once in 1e9 skies.
 
-use crate::detect::Detection;
 use crate::geometry::{Freedom, Geometry, Tie};
-use crate::sky_stars::SkyStar;
+use crate::{detect::Detection, sky_stars::SkyStar};
 use base::axes::{Icrf, Rotation, Sensor};
 use glam::{DMat3, DQuat, DVec3};
 

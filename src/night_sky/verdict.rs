@@ -1,7 +1,6 @@
 //! The verdict over all frames.
 
-use crate::compare::Compared;
-use crate::result::Comparison;
+use crate::{compare::Compared, result::Comparison};
 
 /// Returns the verdict: one line.
 pub fn verdict(compared: &[Compared]) -> String {

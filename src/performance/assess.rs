@@ -1,18 +1,15 @@
 //! All metrics of a set of cases.
 
-use crate::attitude_error::directional;
 use crate::availability::{acquisition, tracking, tracking_of_case};
 use crate::bandwidth::{bandwidth, ratio_of_case};
-use crate::bias::bias;
-use crate::exclusion::exclusion_angles;
 use crate::metric::{Interval, Kind, Metric, Reading};
 use crate::noise::{noise_of_case, temporal_noise};
 use crate::record::{Case, JudgedCase, Use};
-use crate::settings::Settings;
 use crate::slopes::{aberration_residual, date_error, drift};
-use crate::spatial::spatial_errors;
-use crate::statistics::quantile;
-use crate::thermo_elastic::thermo_elastic;
+use crate::{
+    attitude_error::directional, bias::bias, exclusion::exclusion_angles, settings::Settings, spatial::spatial_errors,
+    statistics::quantile, thermo_elastic::thermo_elastic,
+};
 use base::units::ARCSEC;
 
 pub(crate) const AME: Kind = Kind {

@@ -1,9 +1,8 @@
 //! Attitudes of a test plan: one, a grid over the field, shifts by parts of a pixel, uniform over all, away from Sun,
 //! Moon or Earth.
 
-use crate::attitude_error::turned;
-use crate::bright_bodies::BrightBodies;
 use crate::exclusion::{EARTH_LIMB_ANGLE, MOON_ANGLE, SUN_ANGLE};
+use crate::{attitude_error::turned, bright_bodies::BrightBodies};
 use anyhow::{Context, Result, bail};
 use base::axes::{Icrf, Sensor, attitude_of_uniforms, sensor_from_ra_dec_roll};
 use base::time::Tai;

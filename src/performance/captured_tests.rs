@@ -2,10 +2,8 @@
 
 use super::*;
 use telemetry::canopen::{CanOpenDevice, NodeParams};
-use telemetry::ccsds::CcsdsDevice;
-use telemetry::nos3::Nos3Device;
-use telemetry::sagitta::SagittaDevice;
 use telemetry::{Device, Limits, Mode, Report};
+use telemetry::{ccsds::CcsdsDevice, nos3::Nos3Device, sagitta::SagittaDevice};
 
 const Q: [f64; 4] = [0.8, 0.6, 0.0, 0.0];
 const LATER: Span = Span::from_ms(120);

@@ -4,12 +4,9 @@
 //! per axis across the boresight is at most the one that the plan allows. The angle itself is between the largest one at
 //! which that is not so and the next: these two are the interval.
 
-use crate::availability::tracked;
 use crate::metric::{Interval, Kind, Metric};
-use crate::noise::noise_of_case;
 use crate::record::{Fate, JudgedCase, Use};
-use crate::settings::Settings;
-use crate::statistics::Estimate;
+use crate::{availability::tracked, noise::noise_of_case, settings::Settings, statistics::Estimate};
 
 /// Key of the angle from the boresight to the Sun's centre among the conditions of a case.
 pub const SUN_ANGLE: &str = "sun_angle_deg";

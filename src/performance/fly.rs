@@ -4,16 +4,14 @@
 //! same frames. The built-in tracker sees pixels and time tags, and is lost in space again at each attitude; a program
 //! outside gets the folder of images.
 
-use crate::attitude_error::attitude_error;
-use crate::attitudes::Circumstances;
-use crate::bandwidth::SINE;
-use crate::bright_bodies::BrightBodies;
 use crate::case_folder::{CASE, CaseFile, LOG};
 use crate::plan::{Plan, PlanCase, Source, folder_name};
 use crate::poses::{MARGIN_S, Pose, before_samples, margin_s, poses};
-use crate::provenance::FileHash;
-use crate::settings::refuse_all;
 use crate::tracker_inside::{Inside, TrackerLog};
+use crate::{
+    attitude_error::attitude_error, attitudes::Circumstances, bandwidth::SINE, bright_bodies::BrightBodies,
+    provenance::FileHash, settings::refuse_all,
+};
 use anyhow::{Context, Result, bail};
 use base::time::Span;
 use config::{Camera, Document, Scenario, Setting};
@@ -22,10 +20,8 @@ use glam::DQuat;
 use run::runtime::{PlantSample, RunRecord};
 use run::wiring::assemble::{Outputs, Run, RunOptions};
 use run::wiring::stepped::SteppedRun;
-use std::collections::BTreeMap;
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::{collections::BTreeMap, fmt::Write as _, process::Command};
 
 /// Fastest turn from one attitude to the next, rad/s: receivers take no faster one.
 const FASTEST_RAD_S: f64 = 15.0;

@@ -18,12 +18,10 @@
 use crate::captured::{self, Captured};
 use crate::record::LogRow;
 use anyhow::{Context, Result, bail};
-use base::axes::WRITTEN_NORM_TOLERANCE;
-use base::time::Tai;
+use base::{axes::WRITTEN_NORM_TOLERANCE, time::Tai};
 use glam::DQuat;
 use histories::read;
-use std::collections::HashMap;
-use std::path::Path;
+use std::{collections::HashMap, path::Path};
 
 /// Names of quaternions: w, x, y, z.
 const QUATERNIONS: [[&str; 4]; 4] =

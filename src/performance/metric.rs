@@ -1,7 +1,6 @@
 //! A number about a tracker, with its interval and its method.
 
-use crate::record::Use;
-use crate::statistics::Estimate;
+use crate::{record::Use, statistics::Estimate};
 use serde::Serialize;
 
 /// How the statistics of a number are to be read (ECSS-E-ST-60-20C, annex E).

@@ -1,19 +1,15 @@
 //! Every metric that a requirement may name, with its unit, and where it comes from.
 
-use crate::assess::AME;
 use crate::availability::{
     ACQUISITION, ACQUISITION_CONFIDENCE, ACQUISITION_MEDIAN, ACQUISITION_TIME, FALSE, FALSE_COUNT, LOSSES, RECOVERY,
     TRACKING,
 };
 use crate::bandwidth::{BANDWIDTH, RATIO};
 use crate::bias::{OF_ATTITUDES, OF_TIME};
-use crate::exclusion::KINDS as EXCLUSION;
-use crate::metric::Kind;
 use crate::noise::{INERTIAL, NEA, SUCCESSIVE};
-use crate::record::Use;
 use crate::slopes::{ABERRATION, DATE, DRIFT, MDE, TAG};
 use crate::spatial::{FOV, PIXEL};
-use crate::thermo_elastic::THERMO_ELASTIC;
+use crate::{assess::AME, exclusion::KINDS as EXCLUSION, metric::Kind, record::Use, thermo_elastic::THERMO_ELASTIC};
 use config::nearest;
 use core::fmt::Write;
 
@@ -99,11 +95,9 @@ pub fn metric_table() -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::assess::assess;
-    use crate::record::Case;
-    use crate::settings::Settings;
     use crate::statistics::{fewest_trials, share};
     use crate::synthetic::{Dice, Frame, case};
+    use crate::{assess::assess, record::Case, settings::Settings};
     use glam::DVec3;
 
     const GUIDE: &str = include_str!("../guide/reports.md");

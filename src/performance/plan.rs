@@ -1,16 +1,12 @@
 //! A test plan: what is flown, with which tracker, and how numbers are said.
 
-use crate::attitudes::Attitudes;
-use crate::model_figures::ModelFigures;
-use crate::mounting::MountingDrift;
-use crate::paperwork::Paperwork;
 use crate::poses::{CaseMotion, Sine};
 use crate::record::{FalseLimit, Use};
 use crate::settings::{Settings, refuse_all};
+use crate::{attitudes::Attitudes, model_figures::ModelFigures, mounting::MountingDrift, paperwork::Paperwork};
 use anyhow::{Context, Result, anyhow, bail};
 use base::input_file::{SETTINGS_BYTES, read_text};
-use base::time::Tai;
-use base::units::ARCSEC;
+use base::{time::Tai, units::ARCSEC};
 use config::{Document, FileKind, check_keys};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};

@@ -1,7 +1,6 @@
 //! The motion of a case -> where the sensor points in each of its frames, and the samples of attitude that a run takes.
 
-use crate::attitude_error::turned;
-use crate::mounting::MountingDrift;
+use crate::{attitude_error::turned, mounting::MountingDrift};
 use base::axes::Rotation;
 use base::time::{Span, Tai};
 use core::f64::consts::TAU;

@@ -4,9 +4,7 @@ use anyhow::{Context, Result};
 use base::input_file::InputFile;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
-use std::fmt::Write as _;
-use std::io::Read;
-use std::path::Path;
+use std::{fmt::Write as _, io::Read, path::Path};
 
 /// Version of the form of `provenance.json`.
 pub const SCHEMA: &str = "starloop.provenance/1";

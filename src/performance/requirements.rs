@@ -274,8 +274,7 @@ impl Requirement {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::metric::Kind;
-    use crate::statistics::Estimate;
+    use crate::{metric::Kind, statistics::Estimate};
 
     fn metric(value: f64, low: f64, high: f64) -> Metric {
         let kind = Kind { id: "bias", ..Kind::USUAL };

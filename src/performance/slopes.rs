@@ -5,8 +5,7 @@ use crate::bias::stretches_of;
 use crate::metric::{AXES, Kind, Metric, Reading};
 use crate::record::{Judged, JudgedCase, Use};
 use crate::statistics::{Estimate, line, mean};
-use base::time::Tai;
-use base::units::ARCSEC;
+use base::{time::Tai, units::ARCSEC};
 use glam::DVec3;
 use testbed::tracker::{earth_beta, uncorrected_turn};
 

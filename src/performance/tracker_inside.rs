@@ -1,9 +1,8 @@
 //! Trackers inside the program that fly a plan: the built-in one, which sees pixels and time tags only, and the
 //! statistical one, which sees the truth; and the log that they write.
 
-use crate::bright_bodies::BrightBodies;
 use crate::plan::{Plan, Source};
-use crate::poses::Pose;
+use crate::{bright_bodies::BrightBodies, poses::Pose};
 use anyhow::Result;
 use base::axes::Rotation;
 use base::time::{Span, Tai};
@@ -12,8 +11,7 @@ use frames::sink::SentFrame;
 use glam::{DQuat, DVec3};
 use run::wiring::vehicle_parts::{exposed_light, tracker_params};
 use stars::catalog::Catalog;
-use std::fmt::Write as _;
-use std::sync::Arc;
+use std::{fmt::Write as _, sync::Arc};
 use testbed::tracker::{Exposed, ExposedLight, GuideStars, Outcome, StarNoise, Tracker, TrackerParams, earth_beta};
 use testbed::tracker_model::{ModelParams, NoiseMethod, TrackerModel};
 

@@ -2,8 +2,7 @@
 
 use frames::sink::{TruthKind, TruthStar};
 use numpy::IntoPyArray;
-use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::{prelude::*, types::PyDict};
 
 /// Returns one number of a row.
 type Of = fn(&TruthStar) -> f64;

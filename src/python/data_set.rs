@@ -3,10 +3,9 @@
 use crate::errors::refused;
 use crate::frame::{Drawn, Frame};
 use core::sync::atomic::{AtomicBool, Ordering};
-use data_sets::image_files::ImageFiles;
 use data_sets::labels::{Filed, json_of};
-use data_sets::spec::ImageForm;
 use data_sets::{Item, Order, Spec, Studio, make};
+use data_sets::{image_files::ImageFiles, spec::ImageForm};
 use frames::sink::crc32::pixel_crc32;
 use pyo3::prelude::*;
 use serde_json::json;

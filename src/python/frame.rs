@@ -2,12 +2,10 @@
 
 use crate::columns::columns;
 use frames::sink::facts::{FactSource, json_keys};
-use frames::sink::fits::Header;
-use frames::sink::fits::keywords::push_meta;
-use frames::sink::{FrameMeta, SentFrame, TruthStar, fits::card::Card};
+use frames::sink::fits::{Header, card::Card, keywords::push_meta};
+use frames::sink::{FrameMeta, SentFrame, TruthStar};
 use numpy::{IntoPyArray, PyArrayMethods};
-use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::{prelude::*, types::PyDict};
 use serde_json::Value;
 
 /// Pixels of an image, row by row from the top, by how far it was drawn.

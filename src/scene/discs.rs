@@ -24,8 +24,7 @@ use core::f64::consts::{FRAC_PI_2, PI, TAU};
 use glam::DVec3;
 use plan::exposure::{Source, SourcePlace};
 use rayon::prelude::*;
-use sky::astrometry::CameraGeometry;
-use sky::spheroid::Spheroid;
+use sky::{astrometry::CameraGeometry, spheroid::Spheroid};
 
 /// Number of cells per radius, for small discs.
 const CELLS_PER_RADIUS: f64 = 16.0;

@@ -1,8 +1,7 @@
 //! Attitude and time -> a frame's background: sky, and stray light of Sun, Moon and Earth. Evaluated at the boresight
 //! at mid-exposure, once per frame; allocates nothing after start.
 
-use crate::camera::CameraParams;
-use crate::error::SceneError;
+use crate::{camera::CameraParams, error::SceneError};
 use glam::DVec3;
 use image::detector::Background;
 use plan::attitude::{LosPath, PathOrigin};

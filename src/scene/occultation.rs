@@ -7,8 +7,7 @@
 //! exposure. Tests: `tests/physics/bodies.rs`.
 
 use glam::DVec3;
-use sky::bodies::Standpoint;
-use sky::spheroid::Spheroid;
+use sky::{bodies::Standpoint, spheroid::Spheroid};
 
 /// The bodies that may hide sources in one field.
 #[derive(Debug, Clone, Copy, Default)]

@@ -3,20 +3,15 @@
 //! In: a line of sight. Out: the sources, the targets, and facts about them for the user ([`SceneReport`]). Allocates
 //! nothing after its first frames.
 
-use crate::camera::CameraParams;
-use crate::error::SceneError;
-use crate::field_light::FieldLight;
 use crate::sky_bodies::{BodyCounts, SkyBodies};
 use crate::sky_targets::{SkyTarget, SkyTargets};
-use crate::sky_view::SkyView;
+use crate::{camera::CameraParams, error::SceneError, field_light::FieldLight, sky_view::SkyView};
 use base::time::Tai;
 use image::detector::Background;
-use plan::attitude::LosPath;
-use plan::exposure::Source;
+use plan::{attitude::LosPath, exposure::Source};
 use sky::almanac::Almanac;
 use sky::observer::{BarycentricState, Observer, ObserverTrack};
-use stars::Sky;
-use stars::tiles::Shortfall;
+use stars::{Sky, tiles::Shortfall};
 
 /// Parameters of a scene.
 #[derive(Debug, Clone, Copy)]

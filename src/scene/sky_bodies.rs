@@ -5,25 +5,19 @@
 //! whose radius is below [`POINT_RADIUS_PX`] is a point. The Sun is never drawn: its disc in the field is reported.
 //! Reuses its buffers; more sources than ever before may allocate once. Tests: `tests/physics/bodies.rs`.
 
-use crate::camera::CameraParams;
 use crate::discs::{Disc, DiscPainter, Law};
-use crate::error::SceneError;
-use crate::occultation::Occultation;
+use crate::{camera::CameraParams, error::SceneError, occultation::Occultation};
 use base::axes::{Icrf, Rotation, Sensor};
-use base::time::Tai;
-use base::units::AU_KM;
+use base::{time::Tai, units::AU_KM};
 use core::f64::consts::PI;
 use glam::DVec3;
-use plan::exposure::target::FIRST_BODY_ID;
 use plan::exposure::{Source, SourcePlace};
-use plan::optics::StarLight;
 use plan::optics::baffle::{EARTH_ALBEDO, SUN_MAG_G};
+use plan::{exposure::target::FIRST_BODY_ID, optics::StarLight};
 use sky::astrometry::{CameraGeometry, aberrated};
 use sky::bodies::{SUN_RADIUS_KM, Standpoint};
 use sky::magnitude::{Lighting, SUN_BP_RP, SUN_G_LESS_V, moon_v, planet_v};
-use sky::observer::ObserverTrack;
-use sky::planets::Planet;
-use sky::spheroid::Spheroid;
+use sky::{observer::ObserverTrack, planets::Planet, spheroid::Spheroid};
 
 /// Radius below which planets are points, px: the error of the middle of their light is at most half of it.
 pub const POINT_RADIUS_PX: f64 = 0.02;

@@ -11,16 +11,13 @@
 //! throughout). A target in the umbra is not drawn either. A target that SGP4 can no longer follow is lost for the rest
 //! of the run, and counted once. Tests: below; `hil_scripts/test_targets.py` against another program.
 
-use crate::camera::CameraParams;
-use crate::error::SceneError;
+use crate::{camera::CameraParams, error::SceneError};
 use base::time::{Span, Tai};
 use core::f64::consts::PI;
 use glam::DVec3;
-use plan::attitude::LosPath;
 use plan::exposure::sky_path::{Cubic, Fall, PATH_INSTANTS};
-use plan::exposure::target::LIGHT_SAMPLES;
 use plan::exposure::{LightCurve, Shutter, SkyPath, Target, TargetWay};
-use plan::optics::StarLight;
+use plan::{attitude::LosPath, exposure::target::LIGHT_SAMPLES, optics::StarLight};
 use sky::ObserverError;
 use sky::astrometry::{CameraGeometry, aberrated};
 use sky::observer::{BarycentricState, ObserverTrack};

@@ -3,10 +3,7 @@
 //! Uses the tiles of the field, whose light was computed when they were decoded, on all cores. Tests:
 //! `tests/physics/frames.rs`, `tests/physics/deep_sky.rs`.
 
-use crate::camera::CameraParams;
-use crate::error::SceneError;
-use crate::field_bounds::FieldBounds;
-use crate::field_stars::FieldStars;
+use crate::{camera::CameraParams, error::SceneError, field_bounds::FieldBounds, field_stars::FieldStars};
 use base::axes::{Icrf, Rotation, Sensor};
 use base::source_id::SourceId;
 use base::time::{Span, Tai};
@@ -16,9 +13,8 @@ use plan::attitude::LosPath;
 use plan::exposure::{Source, SourcePlace};
 use sky::astrometry::{ApparentPlaces, Sight, Vantage, cone_margin_rad};
 use sky::observer::ObserverTrack;
-use stars::Sky;
-use stars::cover::chord_squared;
 use stars::tiles::{Light, Shortfall, TileSky, TileStar};
+use stars::{Sky, cover::chord_squared};
 use std::sync::Arc;
 
 /// The sky in view of one camera.

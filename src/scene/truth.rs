@@ -3,17 +3,14 @@
 use crate::sky_bodies::{EARTH_NUMBER, MOON_NUMBER};
 use crate::sky_targets::TargetFacts;
 use base::axes::{Icrf, Rotation, Sensor};
-use base::region::Regions;
-use base::source::ra_dec_rad;
+use base::{region::Regions, source::ra_dec_rad};
 use frames::sink::{TargetRow, TruthKind, TruthStar};
 use glam::DVec3;
-use image::detector::protons::ProtonTrack;
-use image::detector::window::OutputGeometry;
-use plan::exposure::smear::polyline_px;
+use image::detector::{protons::ProtonTrack, window::OutputGeometry};
 use plan::exposure::target::{FIRST_BODY_ID, FIRST_FALSE_STAR_ID, FIRST_TARGET_ID, FIRST_TRACK_ID, Smear};
 use plan::exposure::target_plan::{seen_after_mid_s, seen_by_row};
-use plan::exposure::track::StarPlace;
 use plan::exposure::{ExposurePlan, PlannedStar, PlannedTarget};
+use plan::exposure::{smear::polyline_px, track::StarPlace};
 use sky::astrometry::Sight;
 
 /// Distance outside a window from which stars may still shine into it, sensor pixels.

@@ -18,8 +18,7 @@
 use crate::planets::{self, Planet};
 use crate::state::BarycentricState;
 use crate::{earth, ephemeris, sun};
-use base::time::Tai;
-use base::units::DAY_S;
+use base::{time::Tai, units::DAY_S};
 use ephemeris::Method;
 use glam::DVec3;
 use std::sync::Arc;
@@ -132,8 +131,7 @@ impl Almanac {
 mod tests {
     use super::*;
     use crate::ephemeris::{FIRST_DAY, LAST_DAY};
-    use base::time::Span;
-    use base::units::AU_KM;
+    use base::{time::Span, units::AU_KM};
 
     fn at(text: &str) -> Tai {
         Tai::from_rfc3339(text).expect("a valid instant")

@@ -7,12 +7,8 @@
 //! Both are of an [`ObserverTrack`]. Limits: an observer at the barycentre has no such sky and is refused; for one at
 //! the geocentre the Earth is left out. Tests: below; `tests/physics/bodies.rs`; the Moon in [`crate::moon`].
 
-use crate::ObserverError;
-use crate::observer::ObserverTrack;
-use crate::planets::Planet;
-use crate::spheroid::Spheroid;
-use crate::state::BarycentricState;
-use crate::{ephemeris, moon, orbit};
+use crate::{ObserverError, ephemeris, moon, orbit};
+use crate::{observer::ObserverTrack, planets::Planet, spheroid::Spheroid, state::BarycentricState};
 use base::time::Tai;
 use glam::DVec3;
 
@@ -113,8 +109,7 @@ impl ObserverTrack {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::observer::Observer;
-    use crate::orbit::CircularOrbit;
+    use crate::{observer::Observer, orbit::CircularOrbit};
     use base::units::{AU_KM, DEG};
 
     fn at(text: &str) -> Tai {

@@ -1,7 +1,6 @@
 //! Errors of an observer.
 
-use crate::ephemeris::TableError;
-use crate::orbit::CentralBody;
+use crate::{ephemeris::TableError, orbit::CentralBody};
 use base::time::Tai;
 
 /// Why an observer's orbit was refused or could not be followed.

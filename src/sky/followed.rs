@@ -8,9 +8,8 @@
 //! In a low orbit the fourth derivative is 1e-8 km/s^4: states 60 s apart are 0.4 m and 0.02 m/s off, 0.01 mas of
 //! aberration. Tests: below, on both sides of [`GAP`] and of [`FAR`].
 
-use crate::ObserverError;
 use crate::orbit::{CentralBody, TwoBodyOrbit};
-use crate::state::BarycentricState;
+use crate::{ObserverError, state::BarycentricState};
 use base::time::{Span, Tai};
 use glam::DVec3;
 use std::collections::VecDeque;

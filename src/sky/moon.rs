@@ -9,8 +9,7 @@
 //! [`method`] says which. Tests: `agrees_with_a_numerical_ephemeris`, `both_sides_of_the_table`.
 
 use crate::ephemeris::{self, Method};
-use crate::orbit::icrf_from_mean_of_date;
-use crate::state::BarycentricState;
+use crate::{orbit::icrf_from_mean_of_date, state::BarycentricState};
 use base::time::{Span, Tai};
 use base::units::{ARCSEC, DEG, JULIAN_YEAR_D};
 use glam::DVec3;

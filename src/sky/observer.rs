@@ -6,12 +6,11 @@
 //!
 //! Proven by the tests of [`crate::earth`] and [`crate::orbit`] and by `tests/physics/apparent_places`.
 
-use crate::ObserverError;
 use crate::almanac::Almanac;
 use crate::followed::{FollowedStates, above_surface};
-use crate::moon;
 use crate::orbit::{CentralBody, CircularOrbit, TleOrbit, TwoBodyOrbit};
 pub use crate::state::BarycentricState;
+use crate::{ObserverError, moon};
 use base::time::Tai;
 use histories::{Centre, OrbitHistory};
 use std::sync::Arc;

@@ -1,7 +1,6 @@
 //! Where a planet was when the light left it.
 
-use crate::almanac::Almanac;
-use crate::planets::Planet;
+use crate::{almanac::Almanac, planets::Planet};
 use base::time::Tai;
 use base::units::{DAY_S, SPEED_OF_LIGHT_KM_S};
 use glam::DVec3;

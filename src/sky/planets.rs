@@ -11,8 +11,7 @@
 //! for Neptune. Tests: below; `tests/physics/bodies.rs` for apparent places.
 
 use crate::earth::{self, HALF_STEP_D, state_by_difference};
-use crate::ephemeris::Method;
-use crate::state::BarycentricState;
+use crate::{ephemeris::Method, state::BarycentricState};
 use base::time::Tai;
 use glam::DVec3;
 

@@ -56,8 +56,7 @@ pub(crate) fn cells_of_cone(order: u8, axis: DVec3, radius_rad: f64, mut take: i
 #[cfg(test)]
 mod tests {
     use super::*;
-    use base::source::ra_dec_rad;
-    use base::units::DEG;
+    use base::{source::ra_dec_rad, units::DEG};
 
     /// Returns a spiral over the sphere.
     fn directions(count: u32) -> impl Iterator<Item = DVec3> {

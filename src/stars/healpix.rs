@@ -176,8 +176,7 @@ fn gathered(bits: u64) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use base::source::direction_from_ra_dec;
-    use base::units::DEG;
+    use base::{source::direction_from_ra_dec, units::DEG};
     use core::f64::consts::TAU;
 
     /// Points of the sphere, seeded, with the cells of two other programs: the file's head says how they were made.

@@ -1,9 +1,7 @@
 //! Index of a store of stars, known before a star is read: the facts at its head, and where the stars of each tile are.
 
-use crate::cover::cells_of_cone;
-use crate::numbering::Numbering;
-use base::source_id::SourceId;
-use base::units::MAS;
+use crate::{cover::cells_of_cone, numbering::Numbering};
+use base::{source_id::SourceId, units::MAS};
 use core::ops::Range;
 use glam::DVec3;
 

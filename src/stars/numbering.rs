@@ -8,9 +8,8 @@
 //! `catalog::tests::built_in_stars_have_the_names_of_their_sources`.
 
 use crate::cover::chord_squared;
-use base::source::direction_from_ra_dec;
 use base::source_id::{GaiaRelease, SourceId};
-use base::units::ARCSEC;
+use base::{source::direction_from_ra_dec, units::ARCSEC};
 use serde::{Deserialize, Serialize};
 
 /// Stored number of a star without a number.

@@ -1,10 +1,8 @@
 //! Where the stars of a run come from: the built-in catalog, or layers on disk.
 
-use crate::catalog::Catalog;
 use crate::layer::{LayerError, LayerSet};
-use crate::tiles::TileStar;
-use std::path::PathBuf;
-use std::sync::Arc;
+use crate::{catalog::Catalog, tiles::TileStar};
+use std::{path::PathBuf, sync::Arc};
 
 /// The stars of a run; shared by all that look at them.
 #[derive(Debug, Clone)]

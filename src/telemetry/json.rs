@@ -7,8 +7,7 @@
 
 use crate::quaternion::Continuity;
 use crate::{Answered, Device, Limits, Mode, Order, Report, Sense, Wire};
-use base::time::Tai;
-use base::units::ARCSEC;
+use base::{time::Tai, units::ARCSEC};
 use serde_json::{Value, json};
 
 /// Longest command, bytes.

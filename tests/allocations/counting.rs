@@ -1,10 +1,8 @@
 //! An allocator that counts every allocation of every thread while it is armed, and stores the call stacks.
 
 use std::alloc::{GlobalAlloc, Layout, System};
-use std::backtrace::Backtrace;
-use std::cell::Cell;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::{backtrace::Backtrace, cell::Cell, sync::Mutex};
 
 /// Bytes allocated now, and the maximum since the last look.
 static HELD: AtomicUsize = AtomicUsize::new(0);

@@ -11,9 +11,8 @@ use frames::report::{FrameRecord, NEWEST_MAX};
 use frames::sink::SentFrame;
 use link::simulated::simulated_pair;
 use link::{Port, Stamped};
-use run::runtime::receiver::Receiver;
 use run::runtime::{EventKind, FrameEngine, Ledger, RunRecord, Slot};
-use run::wiring::bench_parts;
+use run::{runtime::receiver::Receiver, wiring::bench_parts};
 use std::sync::Arc;
 use testbed::flight_computer::FlightComputer;
 

@@ -1,7 +1,6 @@
 //! Packets through a serial port, over a pseudo terminal, and through SocketCAN where there is a vcan0.
 
-use crate::complaints;
-use crate::counting::allocations_in;
+use crate::{complaints, counting::allocations_in};
 use base::clock::{Clock, Monotonic};
 use base::time::Span;
 use firmware_protocol::can::{CanFrame, CanId, IdMap};
@@ -9,8 +8,7 @@ use link::serial::{PseudoTerminal, SerialLink, SerialParams};
 use link::simulated::{BusParams, BusTiming, simulated_pair};
 use link::socketcan::{Receives, SocketCanLink, SocketCanParams};
 use link::{Link, Packet, SerialChunk};
-use std::path::Path;
-use std::sync::Arc;
+use std::{path::Path, sync::Arc};
 
 const PACKETS: usize = 200;
 

@@ -1,26 +1,18 @@
 //! Scenes that slew, so that the number of stars changes from frame to frame, by every method and shutter.
 
-use base::accuracy::AccuracyBudget;
-use base::axes::Rotation;
-use base::image::DnImage;
-use base::random::philox;
 use base::time::{Span, Tai};
+use base::{accuracy::AccuracyBudget, axes::Rotation, image::DnImage, random::philox};
 use glam::DVec3;
-use image::detector::blooming::Blooming;
-use image::detector::charge_transfer::ChargeTransfer;
 use image::detector::defects::{Defect, DefectKind, DefectPlace, DefectPopulation, Rates};
-use image::detector::image_lag::ImageLag;
 use image::detector::protons::{ProtonDirection, ProtonFlux};
 use image::detector::{
     Detector, DetectorConditions, DetectorParams, LinePattern, Nonlinearity, RowNoise, SpatialParams,
 };
-use image::gpu::Electrons;
-use image::render::Backend;
-use image::render::cpu::Cpu;
+use image::detector::{blooming::Blooming, charge_transfer::ChargeTransfer, image_lag::ImageLag};
+use image::{gpu::Electrons, render::Backend, render::cpu::Cpu};
 use plan::attitude::{JitterPoint, LosPath};
 use plan::exposure::cost::CostModel;
-use plan::exposure::{Degradation, MethodChoice, PsfSampling, Shutter};
-use plan::exposure::{Instrument, Planner, Source, SourcePlace};
+use plan::exposure::{Degradation, Instrument, MethodChoice, Planner, PsfSampling, Shutter, Source, SourcePlace};
 use plan::optics::{Illumination, PsfModel};
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 

@@ -1,7 +1,6 @@
 //! Frames sent to several sinks at once: passing them on, and the sinks without files.
 
-use crate::complaints;
-use crate::counting::allocations_in;
+use crate::{complaints, counting::allocations_in};
 use frames::sink::shared_memory::SharedMemory;
 use frames::sink::{BranchParams, Fan, NullSink, OnFull, SentFrame, Sink, TruthStar};
 

@@ -8,29 +8,24 @@
 //!   also with 0.5 px, where one shape for the whole field is not enough, and the splat alone: without motion.
 #![allow(missing_docs, reason = "criterion's macros make undocumented functions")]
 
-use base::accuracy::AccuracyBudget;
-use base::axes::sensor_from_ra_dec_roll;
-use base::clock::Stopwatch;
-use base::source::direction_from_ra_dec;
-use base::time::Tai;
-use base::units::DEG;
+use base::{
+    accuracy::AccuracyBudget, axes::sensor_from_ra_dec_roll, clock::Stopwatch, source::direction_from_ra_dec,
+    time::Tai, units::DEG,
+};
 use config::{Camera, Document};
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use glam::DVec3;
-use image::render::Backend;
-use image::render::cpu::Cpu;
+use image::render::{Backend, cpu::Cpu};
 use imports::synthetic::Population;
 use plan::attitude::{JitterLine, LosPath};
 use plan::exposure::cost::CostModel;
 use plan::exposure::{MethodChoice, Planner};
 use run::wiring::camera_parts::camera_params;
-use scene::camera::CameraParams;
-use scene::sky_view::SkyView;
+use scene::{camera::CameraParams, sky_view::SkyView};
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 use sky::observer::{Observer, ObserverTrack};
-use stars::Sky;
-use stars::layer::LayerSet;
 use stars::tiles::{Light, TileSky};
+use stars::{Sky, layer::LayerSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 

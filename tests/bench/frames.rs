@@ -1,24 +1,19 @@
 //! ms per frame: 1024 x 1024, {100, 2k, 10k} stars x {1, 16, 64} path samples, mean image and full noise, per backend.
 #![allow(missing_docs, reason = "criterion's macros make undocumented functions")]
 
-use base::accuracy::AccuracyBudget;
-use base::axes::Rotation;
-use base::image::DnImage;
-use base::random::philox;
 use base::time::{Span, Tai};
+use base::{accuracy::AccuracyBudget, axes::Rotation, image::DnImage, random::philox};
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use plan::attitude::{JitterTrack, LosPath, PathOrigin};
 use plan::exposure::cost::CostModel;
-use plan::exposure::{Instrument, Planner, Source, SourcePlace};
-use plan::exposure::{MethodChoice, PixelPath, PixelPoint, PsfSampling, Shutter};
+use plan::exposure::{
+    Instrument, MethodChoice, PixelPath, PixelPoint, Planner, PsfSampling, Shutter, Source, SourcePlace,
+};
 use plan::optics::{Illumination, PsfModel};
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
-use starloop_image::detector::gpu::GpuDetector;
 use starloop_image::detector::{Detector, DetectorConditions, DetectorParams};
 use starloop_image::gpu::{AdapterChoice, Electrons, GpuDevice};
-use starloop_image::render::Backend;
-use starloop_image::render::cpu::Cpu;
-use starloop_image::render::gpu::Gpu;
+use starloop_image::{detector::gpu::GpuDetector, render::Backend, render::cpu::Cpu, render::gpu::Gpu};
 
 const SIZE: usize = 1024;
 

@@ -8,24 +8,18 @@
 //! (L1) is printed, against the f64 reference.
 #![allow(missing_docs, reason = "criterion's macros make undocumented functions")]
 
-use base::accuracy::AccuracyBudget;
-use base::axes::Rotation;
-use base::clock::Stopwatch;
-use base::random::philox;
-use base::time::Tai;
+use base::{accuracy::AccuracyBudget, axes::Rotation, clock::Stopwatch, random::philox, time::Tai};
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use glam::DVec3;
 use plan::attitude::{JitterLine, JitterPoint, LosPath};
 use plan::exposure::cost::CostModel;
-use plan::exposure::{ExposurePlan, Instrument, Planner, Source, SourcePlace};
-use plan::exposure::{MethodChoice, PixelPath, PixelPoint, PsfSampling, Shutter};
+use plan::exposure::{
+    ExposurePlan, Instrument, MethodChoice, PixelPath, PixelPoint, Planner, PsfSampling, Shutter, Source, SourcePlace,
+};
 use plan::optics::{Illumination, PsfModel};
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 use starloop_image::gpu::{AdapterChoice, Electrons, GpuDevice};
-use starloop_image::render::Backend;
-use starloop_image::render::cpu::Cpu;
-use starloop_image::render::gpu::Gpu;
-use starloop_image::render::reference::Reference;
+use starloop_image::render::{Backend, cpu::Cpu, gpu::Gpu, reference::Reference};
 use std::time::Duration;
 
 /// Motion of a scene during the exposure.

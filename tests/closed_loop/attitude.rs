@@ -2,8 +2,7 @@
 
 use crate::bench::{built_in, over, run, run_changed};
 use base::axes::{Icrf, Rotation, Sensor};
-use base::time::Span;
-use base::units::ARCSEC;
+use base::{time::Span, units::ARCSEC};
 use config::{JitterSource, Wire};
 use firmware_protocol::can::IdMap;
 use run::runtime::EventKind;

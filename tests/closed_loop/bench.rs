@@ -4,11 +4,9 @@ use base::clock::{Clock, Virtual};
 use base::time::Tai;
 use config::{Bench, StartTime, Wire};
 use frames::sink::{FrameMeta, SentFrame, Sink, SinkError, SinkSummary};
-use link::Port;
-use link::simulated::simulated_pair;
-use run::runtime::receiver::Receiver;
+use link::{Port, simulated::simulated_pair};
 use run::runtime::{FrameEngine, RunOutcome, virtual_time};
-use run::wiring::bench_parts;
+use run::{runtime::receiver::Receiver, wiring::bench_parts};
 use std::sync::{Arc, Mutex};
 use testbed::flight_computer::{FlightComputer, FlightComputerParams};
 

@@ -9,17 +9,13 @@ use base::time::{Span, Tai};
 use config::{Bench, Degrade};
 use frames::report::{Fate, FrameRecord, RunLimits};
 use frames::sink::{NullSink, SentFrame};
-use link::Port;
-use link::simulated::simulated_pair;
+use link::{Port, simulated::simulated_pair};
 use plan::attitude::MotionScale;
-use run::runtime::receiver::Receiver;
 use run::runtime::virtual_time::{Head, VirtualLoop, World};
 use run::runtime::{EventKind, FrameEngine, Ledger, real_parts, real_time};
-use run::wiring::bench_parts;
-use std::path::Path;
+use run::{runtime::receiver::Receiver, wiring::bench_parts};
 use std::process::{Command, Output};
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::{path::Path, sync::Arc, sync::atomic::AtomicBool};
 use testbed::flight_computer::FlightComputer;
 
 /// Drawing time ten times the predicted one or more: the estimate is limited there.

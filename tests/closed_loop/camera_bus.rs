@@ -8,11 +8,9 @@ use config::Bench;
 use firmware_protocol::can::IdMap;
 use firmware_protocol::message::{ALL_HEADS, CameraKind, CameraPage, CameraSetting, Refusal};
 use frames::sink::{FrameMeta, NullSink};
-use link::Port;
-use link::simulated::simulated_pair;
-use run::runtime::receiver::Receiver;
+use link::{Port, simulated::simulated_pair};
 use run::runtime::{EventKind, FrameEngine, RunOutcome, virtual_time};
-use run::wiring::bench_parts;
+use run::{runtime::receiver::Receiver, wiring::bench_parts};
 use std::sync::Arc;
 use testbed::flight_computer::{CameraAnswers, FlightComputer, Received};
 

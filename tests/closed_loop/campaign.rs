@@ -8,8 +8,7 @@ use batch::campaign::{episode_scenario, run_episode};
 use config::{Action, Event};
 use frames::sink::{FrameFault, FrameMeta, NullSink};
 use link::tap::LinkFault;
-use run::wiring::stepped::SteppedRun;
-use run::wiring::witness::Witness;
+use run::wiring::{stepped::SteppedRun, witness::Witness};
 use testbed::vehicle::VehicleFault;
 
 /// Episodes of an hour flown here; `starloop campaign --hours 100` flies a hundred.

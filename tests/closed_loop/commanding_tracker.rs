@@ -3,8 +3,7 @@
 use crate::pixels::scenario;
 use config::{Plant, Scenario, TrackerCommands};
 use frames::sink::{NullSink, SentFrame};
-use run::wiring::run_end::RunEnd;
-use run::wiring::stepped::SteppedRun;
+use run::wiring::{run_end::RunEnd, stepped::SteppedRun};
 use testbed::acs::Mode;
 
 /// Largest difference of the pointing on windows from that on whole frames, as a share of it.

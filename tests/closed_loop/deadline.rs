@@ -6,13 +6,10 @@ use crate::bench::{built_in, start};
 use base::clock::{Clock, Monotonic};
 use config::{Backend, Bench, DeadlinePolicy};
 use frames::sink::{NullSink, SentFrame};
-use link::Port;
-use link::simulated::simulated_pair;
-use run::runtime::receiver::Receiver;
+use link::{Port, simulated::simulated_pair};
 use run::runtime::{EventKind, FrameEngine, RunOutcome, RunRecord, real_time};
-use run::wiring::bench_parts;
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use run::{runtime::receiver::Receiver, wiring::bench_parts};
+use std::sync::{Arc, atomic::AtomicBool};
 
 const FRAMES: u64 = 4;
 

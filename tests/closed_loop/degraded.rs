@@ -7,11 +7,9 @@ use frames::sink::fits::read_image;
 use frames::sink::frame_log::{path_in, read_frame_log};
 use frames::sink::{Recorder, RecorderOptions, SentFrame, Sink};
 use plan::exposure::Degradation;
-use run::runtime::receiver::Receiver;
 use run::runtime::{EventKind, FrameEngine};
-use run::wiring::bench_parts;
-use std::collections::BTreeMap;
-use std::fs::File;
+use run::{runtime::receiver::Receiver, wiring::bench_parts};
+use std::{collections::BTreeMap, fs::File};
 
 /// Readout time: minus the detector's time it is shorter than the drawing time of a frame's stars inside the accuracy
 /// budget.

@@ -2,14 +2,11 @@
 //! calibration, and the frames report the tracker's own pointing.
 
 use base::units::DEG;
-use frames::sink::TruthStar;
 use frames::sink::fits::{Pixels, read_image};
 use frames::sink::frame_log::{FrameRow, path_in, read_frame_log};
-use frames::sink::recorder::frame_path;
-use frames::sink::truth::read_truth;
+use frames::sink::{TruthStar, recorder::frame_path, truth::read_truth};
 use glam::{DQuat, DVec2, DVec3};
-use outputs::display::calibration::Calibration;
-use outputs::display::luminance_code::luminance;
+use outputs::display::{calibration::Calibration, luminance_code::luminance};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

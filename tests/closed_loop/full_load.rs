@@ -6,21 +6,16 @@
 use crate::bench::built_in;
 use base::clock::{Clock, Monotonic};
 use base::time::{Span, Tai};
-use firmware_protocol::Message;
-use firmware_protocol::can::IdMap;
 use firmware_protocol::message::{JitterBurst, Scet, Sync as TimeMark, TimeFollowUp, Wheels};
-use frames::report::RunLimits;
-use frames::sink::NullSink;
+use firmware_protocol::{Message, can::IdMap};
+use frames::{report::RunLimits, sink::NullSink};
 use link::simulated::{BusParams, BusTiming, SimulatedBus};
 use link::{Port, WireFormat};
 use run::runtime::real_parts::{Head, Setting, Sources};
-use run::runtime::real_time;
-use run::runtime::receiver::Receiver;
-use run::runtime::{FrameEngine, RunParams};
-use run::wiring::bench_parts;
-use std::sync::Arc;
+use run::runtime::{FrameEngine, RunParams, real_time};
+use run::{runtime::receiver::Receiver, wiring::bench_parts};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::JoinHandle;
+use std::{sync::Arc, thread::JoinHandle};
 
 /// Data that a sender queues ahead: the wire stays full on a machine that sleeps up to this long.
 const AHEAD: Span = Span::from_ms(4);

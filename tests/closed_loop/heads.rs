@@ -11,18 +11,12 @@ use crossbeam_channel::bounded;
 use frames::report::{Fate, MissCause, RunLimits};
 use frames::sink::{NullSink, Sink};
 use glam::DQuat;
-use link::Port;
-use link::simulated::simulated_pair;
+use link::{Port, simulated::simulated_pair};
 use run::runtime::real_parts::{Head, Setting};
-use run::runtime::real_time;
-use run::runtime::receiver::Receiver;
-use run::runtime::{EventKind, FrameEngine};
-use run::wiring::bench_parts;
-use std::collections::BTreeMap;
-use std::path::Path;
-use std::process::Command;
-use std::sync::atomic::AtomicBool;
+use run::runtime::{EventKind, FrameEngine, real_time};
+use run::{runtime::receiver::Receiver, wiring::bench_parts};
 use std::sync::{Arc, Mutex};
+use std::{collections::BTreeMap, path::Path, process::Command, sync::atomic::AtomicBool};
 
 /// Mountings of the heads of `configs/benches/three_heads.toml`, w x y z, written down by hand.
 const MOUNTINGS: [[f64; 4]; 3] = [

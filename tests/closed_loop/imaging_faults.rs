@@ -6,9 +6,7 @@ use config::{Action, Event, Scenario};
 use frames::sink::{
     FaultFlags, FaultPixels, FrameFault, FrameMeta, SentFrame, Sink, SinkError, SinkSummary, TruthKind, TruthStar,
 };
-use run::runtime::EventKind;
-use run::wiring::run_end::RunEnd;
-use run::wiring::stepped::SteppedRun;
+use run::{runtime::EventKind, wiring::run_end::RunEnd, wiring::stepped::SteppedRun};
 use std::sync::{Arc, Mutex};
 use testbed::acs::Mode;
 

@@ -10,9 +10,8 @@ use config::{Bench, Camera, JitterSource, Wire};
 use frames::sink::{SentFrame, Sink, SinkError, SinkSummary, TruthStar};
 use link::Port;
 use run::runtime::{EventKind, RunRecord};
-use std::collections::BTreeMap;
-use std::path::Path;
 use std::sync::{Arc, Mutex};
+use std::{collections::BTreeMap, path::Path};
 use testbed::flight_computer::{FlightComputer, FlightComputerParams, JitterLineParams, JitterStream};
 
 use firmware_protocol::Message;

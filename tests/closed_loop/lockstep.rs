@@ -8,13 +8,11 @@ use config::{Document, Scenario};
 use frames::sink::crc32::pixel_crc32;
 use frames::sink::{FrameMeta, NullSink, SentFrame, Sink};
 use glam::DVec3;
-use run::runtime::ledger::EventKind;
 use run::runtime::{PlantAttitude, PlantSample, TrackerOutput};
 use run::wiring::assemble::{Outputs, Run, RunOptions};
-use run::wiring::stepped::SteppedRun;
+use run::{runtime::ledger::EventKind, wiring::stepped::SteppedRun};
 use sky::observer::BarycentricState;
-use std::collections::BTreeMap;
-use std::path::Path;
+use std::{collections::BTreeMap, path::Path};
 use testbed::tracker::Outcome;
 
 /// Tolerance: between samples 10 ms apart a constant rate is interpolated to rounding.

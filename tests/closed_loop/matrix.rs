@@ -6,21 +6,15 @@
 
 use config::{Document, Scenario};
 use frames::sink::{NullSink, Sink};
-use link::capture::CaptureFormat;
-use link::serial::PseudoTerminal;
+use link::{capture::CaptureFormat, serial::PseudoTerminal};
 use run::wiring::assemble::{Outputs, Run, RunOptions};
-use run::wiring::capture_tap::CaptureOptions;
-use run::wiring::control::NewestFrames;
-use run::wiring::live_tap::LiveOptions;
-use run::wiring::run_clock::RunClockKind;
-use run::wiring::run_end::RunEnd;
-use run::wiring::steering::Steering;
-use std::fs::File;
+use run::wiring::{
+    capture_tap::CaptureOptions, control::NewestFrames, live_tap::LiveOptions, run_clock::RunClockKind,
+    run_end::RunEnd, steering::Steering,
+};
 use std::io::{Read, Write};
-use std::os::fd::OwnedFd;
-use std::path::Path;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::{fs::File, os::fd::OwnedFd, path::Path, sync::Arc};
 
 /// Plant that moves the spacecraft.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -3,13 +3,10 @@
 use base::clock::Stopwatch;
 use config::{Document, Scenario};
 use frames::sink::{NullSink, SentFrame, Sink};
-use run::runtime::RunRecord;
 use run::wiring::assemble::{OnRow, Outputs, Run, RunOptions};
-use run::wiring::run_end::RunEnd;
-use run::wiring::stepped::SteppedRun;
-use std::path::Path;
-use std::sync::Arc;
+use run::{runtime::RunRecord, wiring::run_end::RunEnd, wiring::stepped::SteppedRun};
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::{path::Path, sync::Arc};
 use testbed::acs::Mode;
 
 /// Largest error of the closed loop relative to linear theory for the tracker's noise: star places have more errors

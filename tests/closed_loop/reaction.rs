@@ -1,8 +1,7 @@
 //! Tests an external controller and star tracker acting on an internal spacecraft: torques turn it according to
 //! mechanics, wheels return the momentum they take, and attitudes from outside reach the estimator.
 
-use base::time::Span;
-use base::units::ARCSEC;
+use base::{time::Span, units::ARCSEC};
 use config::{Document, Scenario};
 use frames::sink::NullSink;
 use glam::{DMat3, DVec3};

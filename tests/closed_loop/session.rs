@@ -6,19 +6,17 @@ use base::clock::{Clock, Virtual};
 use base::time::{Span, Tai};
 use base::units::ARCSEC;
 use config::{Bench, SessionStart};
-use firmware_protocol::can::IdMap;
 use firmware_protocol::message::{
     Command, PointingAngle, Refusal, Reply, Request, Response, StatusPage, StimulatorMode, Table, Trigger, Triggered,
 };
 use firmware_protocol::tables::{Applied, LineRow, cells, crc};
-use firmware_protocol::version::Version;
 use firmware_protocol::{DBC_CRC32, Message, Reject};
+use firmware_protocol::{can::IdMap, version::Version};
 use frames::sink::NullSink;
 use link::simulated::simulated_bus;
 use link::{Link, Packet, Port, Stamped};
-use run::runtime::receiver::Receiver;
 use run::runtime::{EventKind, FrameEngine, RunOutcome, virtual_time};
-use run::wiring::bench_parts;
+use run::{runtime::receiver::Receiver, wiring::bench_parts};
 use std::sync::Arc;
 use testbed::flight_computer::FlightComputer;
 

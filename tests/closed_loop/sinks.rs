@@ -8,13 +8,10 @@ use config::Bench;
 use crossbeam_channel::{Receiver as Gate, bounded};
 use frames::report::MissCause;
 use frames::sink::{BranchParams, Fan, NullSink, OnFull, SentFrame, Sink, SinkError, SinkSummary};
-use link::Port;
-use link::simulated::simulated_pair;
-use run::runtime::receiver::Receiver;
+use link::{Port, simulated::simulated_pair};
 use run::runtime::{EventKind, FrameEngine, RunOutcome, real_time};
-use run::wiring::bench_parts;
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use run::{runtime::receiver::Receiver, wiring::bench_parts};
+use std::sync::{Arc, atomic::AtomicBool};
 
 pub(crate) const FRAMES: u64 = 14;
 /// Number of frames by which the slow sink may lag.

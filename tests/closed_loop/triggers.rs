@@ -8,13 +8,10 @@ use config::Bench;
 use firmware_protocol::can::{Decoder, IdMap};
 use frames::sink::{NullSink, Sink};
 use link::capture::{CaptureFormat, CaptureReader, CapturedPacket, Direction};
-use link::simulated::simulated_pair;
-use link::tap::Capture;
 use link::{Packet, Port, Stamped};
-use run::runtime::ledger::Event;
-use run::runtime::receiver::Receiver;
+use link::{simulated::simulated_pair, tap::Capture};
 use run::runtime::{EventKind, FrameEngine, Ledger, RunOutcome, virtual_time};
-use run::wiring::bench_parts;
+use run::{runtime::ledger::Event, runtime::receiver::Receiver, wiring::bench_parts};
 use std::sync::Arc;
 use testbed::flight_computer::{FlightComputer, TriggerAnswers};
 

@@ -3,8 +3,7 @@
 use config::{Document, Scenario};
 use frames::report::{FrameEnd, RunVerdict, RunWord};
 use frames::sink::{NullSink, Sink};
-use run::wiring::run_end::RunEnd;
-use run::wiring::stepped::SteppedRun;
+use run::wiring::{run_end::RunEnd, stepped::SteppedRun};
 
 /// Frames of the bench below.
 const FRAMES: u64 = 20;

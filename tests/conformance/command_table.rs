@@ -2,8 +2,7 @@
 
 use crate::source::root;
 use clap::Command;
-use starloop::cli::exit_statuses::EXIT_STATUSES;
-use starloop::cli::report_json::SCHEMAS;
+use starloop::cli::{exit_statuses::EXIT_STATUSES, report_json::SCHEMAS};
 
 /// Schemas of `run --json`: with a spacecraft, faults or expectations the report is a scenario's.
 const OF_RUN: &[&str] = &["run", "scenario"];

@@ -7,11 +7,9 @@
 //! `<!-- test with --features display -->` run in a build with that feature. Blocks marked `<!-- test in a shell -->` need more
 //! than the program: `hil_scripts/test_recipes.py` runs them, and says how files and checks beside them are marked.
 
-use crate::pages::pages;
-use crate::source::root;
-use std::path::Path;
+use crate::{pages::pages, source::root};
 use std::process::{Command, Output};
-use std::time::Duration;
+use std::{path::Path, time::Duration};
 
 const MARK: &str = "<!-- test -->";
 /// Marks a block for a program with displays.

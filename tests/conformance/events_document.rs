@@ -6,8 +6,7 @@
 
 use crate::source::root;
 use run::runtime::EventKind;
-use std::path::Path;
-use std::process::Command;
+use std::{path::Path, process::Command};
 
 const PAGE: &str = "src/guide/events.md";
 const START: &str = "<!-- events: written from the program -->\n";

@@ -7,8 +7,7 @@
 //! hand where and when the run was.
 
 use crate::commands::{from_root, output_within};
-use crate::pages::pages;
-use crate::source::root;
+use crate::{pages::pages, source::root};
 use std::process::Command;
 
 /// Longest run of one command, s.

@@ -2,8 +2,7 @@
 
 use crate::source::{files, root};
 use serde_json::Value;
-use std::collections::BTreeSet;
-use std::process::Command;
+use std::{collections::BTreeSet, process::Command};
 
 const LIST: &str = "hil_scripts/tests.txt";
 /// A package without a test: its tests are a script.

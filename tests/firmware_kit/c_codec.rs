@@ -1,10 +1,8 @@
 //! The C implementation against vectors.json, and against the Rust crate on random and damaged input.
 
 use crate::c_program::{Program, compile, folder, hex};
-use crate::flat::Flat;
-use crate::rust_codec::agrees;
-use crate::samples::Samples;
 use crate::vectors::{Input, Vector, messages, rejected};
+use crate::{flat::Flat, rust_codec::agrees, samples::Samples};
 use firmware_protocol::can::{self, CanFrame, CanId, Format, IdMap};
 use firmware_protocol::{EncodeError, Message, Reject, serial};
 

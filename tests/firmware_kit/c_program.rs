@@ -1,9 +1,8 @@
 //! The C driver: built once per implementation, then asked in batches over its pipes.
 
-use std::fmt::Write as _;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::{fmt::Write as _, io::Write as _};
 
 /// Compiler flags of our C sources.
 const FLAGS: [&str; 7] =

@@ -7,9 +7,7 @@ use firmware_protocol::can::{CanFrame, Decoder, IdMap};
 use firmware_protocol::message::{AttitudeFlags, MessageId, Refusal, Reply, Table};
 use firmware_protocol::tables::{self, LineRow, TableStore};
 use firmware_protocol::{Message, Reject, serial};
-use std::collections::BTreeMap;
-use std::ops::Range;
-use std::process::Command;
+use std::{collections::BTreeMap, ops::Range, process::Command};
 
 /// Returns cells of every table row between this heading and the next of the same or a higher level.
 fn rows(text: &str, heading: &str) -> Vec<Vec<String>> {

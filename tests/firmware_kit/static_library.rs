@@ -3,8 +3,7 @@
 
 use crate::c_codec::failures;
 use crate::c_program::{Program, compile, driver_source, folder};
-use std::path::PathBuf;
-use std::process::Command;
+use std::{path::PathBuf, process::Command};
 
 /// Random inputs of each kind.
 const FUZZ_INPUTS: usize = 40_000;

@@ -7,9 +7,8 @@ use firmware_protocol::message::{
     Reply, Request, Response, Scet, StartedBy, StatusPage, StimulatorMode, Sync, Table, TableCell, TimeFollowUp,
     Trigger, Triggered, Wheels,
 };
-use firmware_protocol::tables::Applied;
-use firmware_protocol::version::Version;
 use firmware_protocol::{Message, Reject};
+use firmware_protocol::{tables::Applied, version::Version};
 use serde_json::Value;
 
 /// A message and its bytes.

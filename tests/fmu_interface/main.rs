@@ -6,12 +6,8 @@
 
 use core::ffi::{CStr, c_char, c_void};
 use core::ptr::{null, null_mut};
-use starloop_fmu_library::calls::*;
-use starloop_fmu_library::denied::*;
-use starloop_fmu_library::instance::Status;
-use starloop_fmu_library::values::*;
-use std::ffi::CString;
-use std::path::Path;
+use starloop_fmu_library::{calls::*, denied::*, instance::Status, values::*};
+use std::{ffi::CString, path::Path};
 
 /// Keeps what is logged in the strings behind the environment.
 unsafe extern "C" fn keep(environment: *mut c_void, _status: Status, _category: *const c_char, message: *const c_char) {

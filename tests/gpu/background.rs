@@ -3,9 +3,8 @@
 use crate::scene::{DnDifference, EXPOSURE_S, Motion, Scene, detector, device, draw_cpu, draw_gpu};
 use base::image::DnImage;
 use plan::optics::PsfModel;
-use starloop_image::detector::gpu::GpuDetector;
 use starloop_image::detector::{Background, DetectorConditions};
-use starloop_image::render::gpu::Gpu;
+use starloop_image::{detector::gpu::GpuDetector, render::gpu::Gpu};
 
 /// As for the detector's other stages.
 const SHARE: f64 = 3e-4;

@@ -2,12 +2,10 @@
 
 use crate::scene::{DnDifference, EXPOSURE_S, Motion, Scene, detector, device, draw_cpu, draw_gpu, star};
 use base::image::{DnImage, Image};
-use plan::exposure::Source;
-use plan::optics::PsfModel;
-use starloop_image::detector::gpu::GpuDetector;
+use plan::{exposure::Source, optics::PsfModel};
 use starloop_image::detector::{Detector, DetectorConditions, DetectorParams, PoissonMethod};
 use starloop_image::gpu::{DeviceElectrons, GpuDevice, GpuError};
-use starloop_image::render::gpu::Gpu;
+use starloop_image::{detector::gpu::GpuDetector, render::gpu::Gpu};
 use std::sync::Arc;
 
 /// Share of pixels that may differ by 1 DN: the ADC rounds apart where a value lies within the rounding error of the

@@ -1,10 +1,9 @@
 //! Mistakes and limits of the device come back as errors.
 
 use crate::scene::device;
-use starloop_image::gpu::passes::ComputePass;
 use starloop_image::gpu::{AdapterChoice, GpuDevice, GpuError};
-use starloop_image::render::gpu::Gpu;
 use starloop_image::render::{Backend, RenderError};
+use starloop_image::{gpu::passes::ComputePass, render::gpu::Gpu};
 
 #[test]
 fn the_description_names_the_adapter_and_says_whether_it_is_hardware() {

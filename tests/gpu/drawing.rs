@@ -4,8 +4,7 @@ use crate::scene::{Difference, Motion, Scene, device, draw_cpu, draw_gpu, star};
 use base::image::Image;
 use plan::exposure::{Shutter, Source};
 use plan::optics::PsfModel;
-use starloop_image::gpu::GpuDevice;
-use starloop_image::render::gpu::Gpu;
+use starloop_image::{gpu::GpuDevice, render::gpu::Gpu};
 use std::sync::Arc;
 
 /// Both sides draw in f32 with 1e-6 of rounding at most per star (erf 5e-7 twice); overlapping stars add up.

@@ -1,16 +1,13 @@
 //! Every pixel-local effect: GPU against CPU, in one pass and in passes apart, with a control that it does something.
 
 use crate::scene::{DnDifference, EXPOSURE_S, Motion, Scene, detector, device, draw_cpu, draw_gpu, star};
-use base::bayer::BayerPattern;
-use base::image::DnImage;
+use base::{bayer::BayerPattern, image::DnImage};
 use plan::optics::PsfModel;
-use starloop_image::detector::DetectorConditions;
-use starloop_image::detector::colour_filter::ColourFilter;
-use starloop_image::detector::gpu::GpuDetector;
 use starloop_image::detector::{
-    DarkLaw, Detector, DetectorParams, LinePattern, Nonlinearity, Patterns, Rounding, RowNoise, SpatialParams,
+    DarkLaw, Detector, DetectorConditions, DetectorParams, LinePattern, Nonlinearity, Patterns, Rounding, RowNoise,
+    SpatialParams,
 };
-use starloop_image::render::gpu::Gpu;
+use starloop_image::{detector::colour_filter::ColourFilter, detector::gpu::GpuDetector, render::gpu::Gpu};
 use std::sync::Arc;
 
 /// As in `detector.rs`: rounding of the ADC and of Poisson means, and one or two multiply-adds more.

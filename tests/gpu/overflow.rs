@@ -2,9 +2,7 @@
 
 use crate::scene::{Difference, Motion, Scene, device, draw_cpu, draw_gpu, star};
 use plan::optics::PsfModel;
-use starloop_image::gpu::GpuDevice;
-use starloop_image::render::gpu::Gpu;
-use starloop_image::render::gpu::scale::LARGEST_SCALE;
+use starloop_image::{gpu::GpuDevice, render::gpu::Gpu, render::gpu::scale::LARGEST_SCALE};
 use std::sync::Arc;
 
 /// f32 rounding of both sides; the floor is half a unit of the scale the frame got.

@@ -3,14 +3,10 @@
 use crate::scene::{EXPOSURE_S, Motion, Scene, device, draw_cpu, draw_gpu};
 use base::image::Image;
 use base::time::{Span, Tai};
-use plan::exposure::target::FIRST_TARGET_ID;
 use plan::exposure::{ExposurePlan, Target, TargetCurve, TargetPath, TargetWay};
-use plan::optics::PsfModel;
+use plan::{exposure::target::FIRST_TARGET_ID, optics::PsfModel};
 use starloop_image::gpu::Electrons;
-use starloop_image::render::cpu::Cpu;
-use starloop_image::render::gpu::Gpu;
-use starloop_image::render::gpu::brighter::Brighter;
-use starloop_image::render::overlap::Apart;
+use starloop_image::render::{cpu::Cpu, gpu::Gpu, gpu::brighter::Brighter, overlap::Apart};
 
 /// Of the brightest pixel: rounding of single precision on both sides.
 const PEAK_SHARE: f64 = 5e-6;

@@ -3,9 +3,7 @@
 use crate::scene::{DnDifference, EXPOSURE_S, Motion, Scene, detector, device, draw_cpu, draw_gpu, star};
 use base::image::DnImage;
 use plan::optics::PsfModel;
-use starloop_image::detector::DetectorConditions;
-use starloop_image::detector::gpu::GpuDetector;
-use starloop_image::render::gpu::Gpu;
+use starloop_image::{detector::DetectorConditions, detector::gpu::GpuDetector, render::gpu::Gpu};
 
 /// A driver may fuse a multiply-add where the other form stores to memory: as CPU against GPU.
 const SHARE: f64 = 3e-4;

@@ -3,8 +3,7 @@
 use crate::scene::{Difference, Motion, Scene, device, draw_cpu, draw_gpu};
 use plan::exposure::{Drawing, Shutter};
 use plan::optics::{PsfField, PsfGrid, PsfModel};
-use starloop_image::gpu::GpuDevice;
-use starloop_image::render::gpu::Gpu;
+use starloop_image::{gpu::GpuDevice, render::gpu::Gpu};
 use std::sync::Arc;
 
 /// Both sides draw in f32 from the same tables: 1e-6 of rounding per star and part; overlapping stars add up.

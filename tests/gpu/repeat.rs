@@ -2,12 +2,8 @@
 
 use crate::scene::{EXPOSURE_S, Motion, Scene, detector, device, draw_gpu};
 use base::image::DnImage;
-use plan::exposure::ExposurePlan;
-use plan::optics::PsfModel;
-use starloop_image::detector::DetectorConditions;
-use starloop_image::detector::gpu::GpuDetector;
-use starloop_image::render::Backend;
-use starloop_image::render::gpu::Gpu;
+use plan::{exposure::ExposurePlan, optics::PsfModel};
+use starloop_image::{detector::DetectorConditions, detector::gpu::GpuDetector, render::Backend, render::gpu::Gpu};
 
 #[test]
 fn frames_repeat_bit_for_bit() {

@@ -1,10 +1,8 @@
 //! Scenes and comparators that all GPU tests share.
 
-use base::accuracy::AccuracyBudget;
-use base::axes::Rotation;
 use base::image::{DnImage, Image};
-use base::random::philox;
 use base::time::{Span, Tai};
+use base::{accuracy::AccuracyBudget, axes::Rotation, random::philox};
 use plan::attitude::{JitterTrack, LosPath, PathOrigin};
 use plan::exposure::cost::CostModel;
 use plan::exposure::{
@@ -14,9 +12,7 @@ use plan::optics::{Illumination, PsfModel};
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 use starloop_image::detector::{Detector, DetectorParams};
 use starloop_image::gpu::{AdapterChoice, Electrons, GpuDevice};
-use starloop_image::render::Backend;
-use starloop_image::render::cpu::Cpu;
-use starloop_image::render::gpu::Gpu;
+use starloop_image::render::{Backend, cpu::Cpu, gpu::Gpu};
 use std::sync::{Arc, OnceLock};
 
 /// Exposure of every scene, s.

@@ -7,14 +7,11 @@ use crate::scene::{DnDifference, EXPOSURE_S, device};
 use base::image::{DnImage, Image};
 use base::random::philox;
 use starloop_image::detector::binning::{Binning, BinningKind};
-use starloop_image::detector::blooming::Blooming;
 use starloop_image::detector::charge_transfer::{ChargeTransfer, OutputCorner};
 use starloop_image::detector::defects::{Defect, DefectKind, DefectPlace, DefectPopulation, Rates};
-use starloop_image::detector::gpu::GpuDetector;
-use starloop_image::detector::image_lag::ImageLag;
 use starloop_image::detector::protons::{ProtonDirection, ProtonFlux};
-use starloop_image::detector::window::Window;
 use starloop_image::detector::{Detector, DetectorConditions, DetectorParams, SpatialParams};
+use starloop_image::detector::{blooming::Blooming, gpu::GpuDetector, image_lag::ImageLag, window::Window};
 use starloop_image::gpu::{DeviceElectrons, GpuDevice};
 
 /// Odd, so that pairs of pixels lie across the ends of rows; 4 divides one side less one.

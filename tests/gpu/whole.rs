@@ -4,10 +4,7 @@ use crate::scene::{Motion, Scene, device, draw_cpu, draw_gpu, star};
 use base::image::Image;
 use plan::exposure::{Drawing, ExposurePlan, Source};
 use plan::optics::PsfModel;
-use starloop_image::gpu::Electrons;
-use starloop_image::render::Backend;
-use starloop_image::render::gpu::Gpu;
-use starloop_image::render::reference::Reference;
+use starloop_image::{gpu::Electrons, render::Backend, render::gpu::Gpu, render::reference::Reference};
 
 /// Of the scenes' instrument, e-.
 const FULL_WELL_E: f64 = 1e5;

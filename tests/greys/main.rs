@@ -3,8 +3,7 @@
 
 #![allow(clippy::panic, clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
-use image::gpu::AdapterChoice;
-use image::gpu::GpuDevice;
+use image::gpu::{AdapterChoice, GpuDevice};
 use starloop_outputs::display::painter::GreyPainter;
 use std::sync::Arc;
 use wgpu::TextureFormat;

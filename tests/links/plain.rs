@@ -1,8 +1,7 @@
 //! The suite on plain links: UDP with datagrams of any length, TCP with records of one.
 
 use crate::ends::clock;
-use base::clock::Clock;
-use base::time::Span;
+use base::{clock::Clock, time::Span};
 use starloop_link::conformance::{Ends, check_link, check_records};
 use starloop_link::simulated::{BusParams, BusTiming, simulated_pair};
 use starloop_link::tcp::{Framing, TcpLink, TcpParams, TcpRole};

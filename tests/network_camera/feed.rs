@@ -11,8 +11,7 @@ use base::time::Span;
 use core::sync::atomic::{AtomicBool, Ordering};
 use frames::sink::{FaultFlags, Recorder, RecorderOptions, SentFrame, Sink};
 use starloop_outputs::network_camera::{Identity, NetworkCamera, Params, PixelFormat, SensorParams, XmlForm};
-use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::{collections::BTreeMap, sync::Arc};
 
 /// Words of the command line.
 struct Words(BTreeMap<String, String>);

@@ -1,8 +1,7 @@
 //! Effects that a camera has or lacks: each is found within its error where it is, and not found where it is not.
 
 use super::{attitude, compared, file, frame, frame_of, taking};
-use base::axes::sensor_from_ra_dec_roll;
-use base::units::DEG;
+use base::{axes::sensor_from_ra_dec_roll, units::DEG};
 use config::{Camera, Document};
 use frames::sink::fits::{Header, Pixels, write_image};
 use starloop_night_sky::variables::hipparcos;

@@ -1,13 +1,11 @@
 //! A scene with everything in it evaluates no series once its run has an almanac, over all changes of the day.
 
 use ::scene::Scene;
-use base::axes::Rotation;
 use base::time::{Span, Tai};
-use base::units::DAY_S;
+use base::{axes::Rotation, units::DAY_S};
 use config::{Bench, Document, Setting};
 use plan::attitude::LosPath;
-use run::runtime::RunParams;
-use run::wiring::bench_parts;
+use run::{runtime::RunParams, wiring::bench_parts};
 use sky::almanac::Almanac;
 use stars::Sky;
 

@@ -10,12 +10,10 @@
 //!
 //! Only time (`Tai`) is shared. [`apparent_icrf`] and [`project`] serve other tests of this folder.
 
-use base::axes::sensor_from_ra_dec_roll;
-use base::time::Tai;
+use base::{axes::sensor_from_ra_dec_roll, time::Tai};
 use core::f64::consts::PI;
 use glam::DVec3;
-use sky::astrometry::{ApparentPlaces, BrownConrady, CameraGeometry, CameraParameters};
-use sky::astrometry::{Vantage, cone_margin_rad};
+use sky::astrometry::{ApparentPlaces, BrownConrady, CameraGeometry, CameraParameters, Vantage, cone_margin_rad};
 use stars::catalog::Catalog;
 
 const DEG: f64 = PI / 180.0;

@@ -15,10 +15,9 @@ use plan::exposure::target::FIRST_BODY_ID;
 use plan::exposure::{Source, SourcePlace};
 use plan::optics::{PsfModel, Radiometry, StarLight};
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
-use sky::bodies::Standpoint;
 use sky::magnitude::{Lighting, SUN_G_LESS_V};
 use sky::observer::{BarycentricState, Observer, ObserverTrack};
-use sky::orbit::CircularOrbit;
+use sky::{bodies::Standpoint, orbit::CircularOrbit};
 
 /// Required error of a place.
 const PLACE_ARCSEC: f64 = 1.0;

@@ -8,10 +8,8 @@ use crate::random_scenes::{SIZE, Scene, scene};
 use crate::scene::{EXPOSURE_S, FOCAL_PX, draw_cpu, draw_reference, everything, los, planner, star};
 use glam::DVec3;
 use plan::attitude::{JitterLine, LosPath};
-use plan::exposure::Source;
-use plan::exposure::plan::Verdict;
-use plan::exposure::{PixelPath, PixelPoint};
-use plan::optics::PsfModel;
+use plan::exposure::{PixelPath, PixelPoint, Source};
+use plan::{exposure::plan::Verdict, optics::PsfModel};
 
 /// Random scenes, by their numbers: of any form of the tests, and of the whole one.
 const SCENES: [u32; 2] = [400, 2000];

@@ -1,7 +1,8 @@
 //! Frames under jitter that came over the bus, drawn: as with configured lines, and as their variance says.
 
-use crate::scene::{EXPOSURE_S, FOCAL_PX, Picture, camera, draw_cpu, draw_reference, everything, instrument, los};
-use crate::scene::{planner_of, star};
+use crate::scene::{
+    EXPOSURE_S, FOCAL_PX, Picture, camera, draw_cpu, draw_reference, everything, instrument, los, planner_of, star,
+};
 use base::time::{Span, Tai};
 use glam::DVec3;
 use plan::attitude::{ClockEstimate, HistoryLimits, JitterHistory, JitterLine, LosPath, WheelHarmonic};

@@ -1,18 +1,14 @@
 //! `starloop chart` in its quick form: tables that parse, bounds that hold, fronts that nothing beats, charts that show
 //! what the tables say.
 
-use batch::chart::effect_cases;
-use batch::chart::effects::EffectRow;
-use batch::chart::footprint::FootprintRow;
-use batch::chart::poisson::PoissonRow;
-use batch::chart::prediction::PredictionRow;
-use batch::chart::rows::broken;
-use batch::chart::scenes::scenes;
-use batch::chart::{Backends, Charted, MethodRow, Settings, Step, run, speed_accuracy};
+use batch::chart::{Backends, Charted, MethodRow, Settings, Step, effect_cases, run, speed_accuracy};
+use batch::chart::{
+    effects::EffectRow, footprint::FootprintRow, poisson::PoissonRow, prediction::PredictionRow, rows::broken,
+    scenes::scenes,
+};
 use frames::report::plot::{Chart, Style};
 use image::detector::DetectorParams;
-use std::collections::BTreeSet;
-use std::sync::OnceLock;
+use std::{collections::BTreeSet, sync::OnceLock};
 
 /// Scenes with charts of their own.
 const CHARTED: [&str; 4] = ["line-3px", "sinusoid-3px", "random-1px", "S4"];

@@ -3,27 +3,21 @@
 //! counted.
 
 use crate::noise::STANDARD_ERRORS;
-use base::accuracy::AccuracyBudget;
 use base::axes::{Icrf, Rotation, Sensor, sensor_from_ra_dec_roll};
-use base::image::DnImage;
-use base::source::ra_dec_rad;
 use base::time::{Span, Tai};
 use base::units::{DEG, MAS};
+use base::{accuracy::AccuracyBudget, image::DnImage, source::ra_dec_rad};
 use config::{Camera, Document};
 use image::detector::DetectorConditions;
 use plan::attitude::LosPath;
 use plan::exposure::{MethodChoice, Planner, Source, SourcePlace};
 use run::runtime::{BackendChoice, Imager};
 use run::wiring::camera_parts::camera_params;
-use scene::camera::CameraParams;
-use scene::sky_view::SkyView;
+use scene::{camera::CameraParams, sky_view::SkyView};
 use sky::astrometry::CameraGeometry;
 use sky::observer::{Observer, ObserverTrack};
-use stars::Sky;
-use stars::catalog::Catalog;
 use stars::layer::{NewStar, Sorting};
-use stars::numbering::stored_number;
-use stars::tiles::Shortfall;
+use stars::{Sky, catalog::Catalog, numbering::stored_number, tiles::Shortfall};
 use std::path::{Path, PathBuf};
 
 const AT: &str = "2026-03-01T00:00:00Z";

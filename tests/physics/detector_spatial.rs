@@ -3,15 +3,11 @@
 
 use base::image::{DnImage, Image};
 use image::detector::binning::{Binning, BinningKind};
-use image::detector::blooming::Blooming;
 use image::detector::charge_transfer::{ChargeTransfer, OutputCorner};
 use image::detector::defects::{Defect, DefectKind, DefectPlace, Rates};
-use image::detector::image_lag::ImageLag;
-use image::detector::levels::Levels;
 use image::detector::protons::{ProtonDirection, ProtonFlux};
-use image::detector::tdi::Tdi;
-use image::detector::window::Window;
 use image::detector::{Detector, DetectorConditions, DetectorParams, SpatialParams};
+use image::detector::{blooming::Blooming, image_lag::ImageLag, levels::Levels, tdi::Tdi, window::Window};
 
 const SIZE: [usize; 2] = [128, 96];
 const EXPOSURE_S: f64 = 0.5;

@@ -8,18 +8,13 @@ use base::image::Image;
 use base::time::{Span, Tai};
 use glam::{DVec2, DVec3};
 use image::detector::Nonlinearity;
-use outputs::display::calibration::fit::FitOptions;
-use outputs::display::calibration::pattern::Pattern;
-use outputs::display::calibration::report::MagnitudeRange;
 use outputs::display::calibration::spots::{FrameScale, sights_of_frame};
 use outputs::display::calibration::{
     Calibration, CalibrationError, DisplayIdentity, Fitted, Grid, Plan, Sight, Tracker, TrackerIdentity, fit,
 };
-use outputs::display::dither::Dither;
-use outputs::display::drive::DisplayDrive;
-use outputs::display::latency::Latency;
+use outputs::display::calibration::{fit::FitOptions, pattern::Pattern, report::MagnitudeRange};
 use outputs::display::luminance_code::{KNOTS, code, luminance};
-use outputs::display::response::Response;
+use outputs::display::{dither::Dither, drive::DisplayDrive, latency::Latency, response::Response};
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 use std::sync::OnceLock;
 use testbed::display_bench::{BenchTruth, DisplayBench};

@@ -2,9 +2,7 @@
 //! energy by brightness, and the scatter of centroids against theory.
 
 use crate::photon_transfer::built_in;
-use base::accuracy::AccuracyBudget;
-use base::axes::Rotation;
-use base::time::Tai;
+use base::{accuracy::AccuracyBudget, axes::Rotation, time::Tai};
 use batch::verify::fidelity::{Fidelity, LEAST_CENTROID_SNR, Truth, measure};
 use batch::verify::star_field::StarField;
 use image::detector::{Detector, DetectorConditions, DetectorParams, LinePattern, RowNoise};

@@ -2,19 +2,15 @@
 //! and the electron image holds the light that the truth table says.
 
 use crate::apparent_places::{NORTH, ORION, Pointing, Star, apparent_icrf, project};
-use base::accuracy::AccuracyBudget;
-use base::axes::sensor_from_ra_dec_roll;
-use base::image::DnImage;
 use base::time::{Span, Tai};
+use base::{accuracy::AccuracyBudget, axes::sensor_from_ra_dec_roll, image::DnImage};
 use image::detector::{DetectorConditions, DetectorParams, Patterns};
 use image::gpu::Electrons;
 use plan::attitude::LosPath;
-use plan::exposure::{Instrument, MethodChoice, Planner};
-use plan::exposure::{PsfSampling, Shutter};
+use plan::exposure::{Instrument, MethodChoice, Planner, PsfSampling, Shutter};
 use plan::optics::{BackgroundLight, Illumination, PsfModel, Radiometry};
 use run::runtime::{BackendChoice, Imager};
-use scene::camera::CameraParams;
-use scene::sky_view::SkyView;
+use scene::{camera::CameraParams, sky_view::SkyView};
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 use sky::observer::{Observer, ObserverTrack};
 use stars::Sky;

@@ -3,11 +3,8 @@
 
 use crate::scene::{Dice, Picture, camera, draw_cpu, draw_reference, instrument, los, planner, planner_of, star};
 use glam::DVec3;
-use plan::attitude::LosPath;
-use plan::exposure::plan::Verdict;
-use plan::exposure::{ExposurePlan, Shutter};
-use plan::exposure::{Instrument, Source};
-use plan::optics::PsfModel;
+use plan::exposure::{ExposurePlan, Instrument, Shutter, Source};
+use plan::{attitude::LosPath, exposure::plan::Verdict, optics::PsfModel};
 
 /// Detector, px.
 const SIZE: usize = 193;

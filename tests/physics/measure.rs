@@ -3,9 +3,8 @@
 use crate::scene::{
     FULL_WELL_E, Picture, READ_NOISE_E, Window, centroid_error_px, draw_cpu, draw_reference, flux_error,
 };
-use plan::exposure::ExposurePlan;
-use plan::exposure::PlannedStar;
 use plan::exposure::plan::Assessment;
+use plan::exposure::{ExposurePlan, PlannedStar};
 use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Rounding of a sum of a few hundred single-precision pixels.

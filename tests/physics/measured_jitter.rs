@@ -6,8 +6,7 @@ use crate::scene::{
 };
 use base::time::{Span, Tai};
 use base::units::ARCSEC;
-use core::f64::consts::TAU;
-use core::fmt::Write;
+use core::{f64::consts::TAU, fmt::Write};
 use glam::DQuat;
 use plan::attitude::{
     HistoryLimits, JitterHistory, JitterRecord, LosPath, RecordEnd, RecordedJitter, band_power_rad2, read_series,

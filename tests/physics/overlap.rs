@@ -2,15 +2,10 @@
 
 use crate::scene::{EXPOSURE_S, draw_cpu, draw_reference, los, planner, star};
 use base::time::{Span, Tai};
-use image::gpu::Electrons;
-use image::render::Backend;
-use image::render::cpu::Cpu;
-use image::render::overlap::Apart;
-use image::render::reference::Reference;
-use plan::exposure::planner::Planner;
-use plan::exposure::target::FIRST_TARGET_ID;
+use image::render::{cpu::Cpu, overlap::Apart, reference::Reference};
+use image::{gpu::Electrons, render::Backend};
 use plan::exposure::{ExposurePlan, Target, TargetCurve, TargetPath, TargetWay};
-use plan::optics::PsfModel;
+use plan::{exposure::planner::Planner, exposure::target::FIRST_TARGET_ID, optics::PsfModel};
 
 const SIZE: usize = 64;
 

@@ -1,14 +1,10 @@
 //! PSFs drawn from chains of transfer functions against Airy stamps computed elsewhere, against the chain by
 //! transforming the drawn star back, and against the bounds they state.
 
-use plan::optics::PsfModel;
-use plan::optics::airy::Airy;
 use plan::optics::chain_psf::{ChainPsf, ChainPsfError, Drawing};
-use plan::optics::mtf::circuit::Circuit;
-use plan::optics::mtf::diffusion::Diffusion;
 use plan::optics::mtf::{ChainParams, Defocus, DefocusForm, MtfChain, TdiBlur, Wavefront, diffraction};
-use plan::optics::quadrature::gauss_legendre;
-use plan::optics::{RoundPsf, SpectralWeight, energy};
+use plan::optics::{PsfModel, RoundPsf, SpectralWeight, energy};
+use plan::optics::{airy::Airy, mtf::circuit::Circuit, mtf::diffusion::Diffusion, quadrature::gauss_legendre};
 use std::f64::consts::{PI, TAU};
 use std::path::{Path, PathBuf};
 

@@ -6,11 +6,9 @@ use crate::scene::{
     EXPOSURE_S, FOCAL_PX, camera, draw_cpu, draw_reference, instrument, los, planner, planner_of, star,
 };
 use glam::DVec3;
-use plan::attitude::LosPath;
-use plan::exposure::Source;
-use plan::exposure::plan::Verdict;
-use plan::exposure::{Drawing, ExposurePlan, Instrument, PixelPath, PixelPoint, Shutter};
+use plan::exposure::{Drawing, ExposurePlan, Instrument, PixelPath, PixelPoint, Shutter, Source};
 use plan::optics::{PsfField, PsfGrid, PsfModel};
+use plan::{attitude::LosPath, exposure::plan::Verdict};
 
 /// Side of the detector, px.
 const SIZE: usize = 64;

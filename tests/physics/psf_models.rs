@@ -6,13 +6,10 @@ use crate::measure::{around, measure, peak_error};
 use crate::scene::{EXPOSURE_S, FOCAL_PX, centroid_error_px, draw_cpu, draw_reference, los, planner, star};
 use base::accuracy::AccuracyBudget;
 use glam::DVec3;
-use plan::attitude::LosPath;
-use plan::exposure::cost::CostModel;
-use plan::exposure::plan::Verdict;
 use plan::exposure::sampling::{TABLE_ERROR, oversampling, sampling_error, table_error};
-use plan::exposure::{Instrument, PixelPath, PixelPoint, PsfSampling};
-use plan::exposure::{Planner, Source};
+use plan::exposure::{Instrument, PixelPath, PixelPoint, Planner, PsfSampling, Source};
 use plan::optics::{PsfGrid, PsfModel};
+use plan::{attitude::LosPath, exposure::cost::CostModel, exposure::plan::Verdict};
 
 /// Side of the detector, px.
 const SIZE: usize = 64;

@@ -4,8 +4,7 @@ use crate::scene::{Dice, EXPOSURE_S, instrument, los, planner_of, star};
 use base::time::Tai;
 use glam::DVec3;
 use plan::attitude::{JitterLine, JitterPoint, LosPath};
-use plan::exposure::Source;
-use plan::exposure::{ExposurePlan, Instrument, PixelPath, PixelPoint, Shutter};
+use plan::exposure::{ExposurePlan, Instrument, PixelPath, PixelPoint, Shutter, Source};
 use plan::optics::PsfModel;
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 

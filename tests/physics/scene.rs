@@ -1,19 +1,15 @@
 //! Scenes for the tests of this folder: a camera, a plan, an image in f64, and the window a tracker looks through.
 
-use base::accuracy::AccuracyBudget;
-use base::axes::Rotation;
-use base::random::philox;
 use base::time::{Span, Tai};
+use base::{accuracy::AccuracyBudget, axes::Rotation, random::philox};
 use core::ops::Range;
 use glam::DVec3;
-use image::gpu::Electrons;
-use image::render::Backend;
-use image::render::cpu::Cpu;
-use image::render::reference::Reference;
+use image::{gpu::Electrons, render::Backend, render::cpu::Cpu, render::reference::Reference};
 use plan::attitude::{JitterTrack, LosPath, PathOrigin};
 use plan::exposure::cost::CostModel;
-use plan::exposure::{ExposurePlan, MethodChoice, PixelPath, PsfSampling, Shutter};
-use plan::exposure::{Instrument, Planner, Source, SourcePlace};
+use plan::exposure::{
+    ExposurePlan, Instrument, MethodChoice, PixelPath, Planner, PsfSampling, Shutter, Source, SourcePlace,
+};
 use plan::optics::{Illumination, PsfModel};
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 

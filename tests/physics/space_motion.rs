@@ -5,8 +5,7 @@ use base::source_id::{GaiaRelease, SourceId};
 use base::units::{DEG, MAS};
 use glam::DVec3;
 use sky::astrometry::at_epoch;
-use stars::catalog::Catalog;
-use stars::radial_velocity::radial_velocity_km_s;
+use stars::{catalog::Catalog, radial_velocity::radial_velocity_km_s};
 
 /// Every hundredth row, and the fastest 300, of the CSV that the built-in catalog was packed from.
 const SAMPLE: &str = include_str!("bright_g85_sample.csv");

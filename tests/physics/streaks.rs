@@ -11,12 +11,8 @@ use crate::scene::{
 };
 use base::accuracy::AccuracyBudget;
 use glam::{DVec2, DVec3};
-use plan::attitude::LosPath;
-use plan::exposure::Source;
-use plan::exposure::cost::CostModel;
-use plan::exposure::plan::Verdict;
-use plan::exposure::{Degradation, ExposurePlan, Instrument, Planner, Shutter};
-use plan::optics::PsfModel;
+use plan::exposure::{Degradation, ExposurePlan, Instrument, Planner, Shutter, Source};
+use plan::{attitude::LosPath, exposure::cost::CostModel, exposure::plan::Verdict, optics::PsfModel};
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 
 /// Streaks, half of them with a lens that distorts, half with a rolling shutter.

@@ -11,13 +11,11 @@ use frames::sink::TruthKind;
 use glam::DVec3;
 use image::detector::window::OutputGeometry;
 use plan::attitude::{JitterLine, JitterPoint};
-use plan::exposure::planner::Planner;
-use plan::exposure::target::FIRST_TARGET_ID;
-use plan::exposure::target_plan::MOST_NODES;
 use plan::exposure::{
     ExposurePlan, LightCurve, PixelPath, PixelPoint, PlannedStar, Shutter, SkyPath, Target, TargetCurve, TargetPath,
     TargetWay,
 };
+use plan::exposure::{planner::Planner, target::FIRST_TARGET_ID, target_plan::MOST_NODES};
 use plan::optics::PsfModel;
 use scene::truth::fill_truth;
 

@@ -121,8 +121,7 @@ impl ToCanId for u16 {
 mod tests {
     extern crate std;
     use super::*;
-    use std::format;
-    use std::string::String;
+    use std::{format, string::String};
 
     fn extended(number: u32) -> CanId {
         CanId::extended(number).unwrap()

@@ -3,10 +3,8 @@
 use super::camera::{CameraSet, CameraSetting, CameraTrigger, CameraTriggered};
 use super::table::Table;
 use super::trigger::{Trigger, Triggered};
-use crate::Reject;
 use crate::bytes::{Reader, Writer};
-use crate::tables::Applied;
-use crate::version::Version;
+use crate::{Reject, tables::Applied, version::Version};
 
 /// First byte of commands and responses.
 pub mod opcode {

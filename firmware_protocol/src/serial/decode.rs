@@ -1,9 +1,8 @@
 //! Bytes on the line -> messages.
 
 use super::{CRC, HEADER, STUFFED_MAX, cobs};
-use crate::crc::crc16;
-use crate::sequence::Sequences;
 use crate::{Message, MessageId, Reject, version};
+use crate::{crc::crc16, sequence::Sequences};
 
 /// Collects bytes up to each delimiter. After any damage it is back in step at the next one.
 #[derive(Debug, Clone)]

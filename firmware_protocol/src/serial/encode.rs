@@ -1,9 +1,8 @@
 //! Message -> bytes on the line.
 
 use super::{CRC, ENCODED_MAX, HEADER, PACKET_MAX, cobs};
-use crate::bytes::Payload;
-use crate::crc::crc16;
 use crate::{EncodeError, Message, version};
+use crate::{bytes::Payload, crc::crc16};
 
 /// Numbers and frames packets.
 #[derive(Debug, Clone, Copy, Default)]

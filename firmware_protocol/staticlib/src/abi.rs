@@ -6,17 +6,12 @@
 
 #![allow(unsafe_code, reason = "a C interface: raw pointers and a union; each block says what it rests on")]
 
-use crate::layout::{
-    RawAttitude, RawBurst, RawCameraStatus, RawCell, RawCommand, RawExposure, RawHeartbeat, RawPair, RawResponse,
-    RawStatus, RawSync, RawTime, RawWheels,
-};
-use core::ffi::c_int;
+use crate::layout::{RawAttitude, RawBurst, RawCameraStatus, RawCell, RawCommand, RawExposure, RawHeartbeat, RawPair, RawResponse, RawStatus, RawSync, RawTime, RawWheels};
 use core::mem::{MaybeUninit, align_of, size_of};
-use core::ptr::NonNull;
-use core::slice;
+use core::{ffi::c_int, ptr::NonNull, slice};
 use firmware_protocol::can::{self, CanFrame, CanId, FRAMES_MAX, Format, IdMap};
-use firmware_protocol::crc::Crc16;
 use firmware_protocol::{EncodeError, Message, MessageId, PAYLOAD_MAX, Reject, serial};
+use firmware_protocol::crc::Crc16;
 
 const MESSAGE: c_int = 1;
 const NOTHING: c_int = 0;

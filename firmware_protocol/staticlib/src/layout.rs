@@ -2,15 +2,8 @@
 //!
 //! A structure that no message of the crate can say (an unknown enumeration, a burst without samples) gives `None`.
 
-use firmware_protocol::Reject;
-use firmware_protocol::message::{
-    AttitudeFlags, AttitudeRecord, CameraPage, CameraSet, CameraSetting, CameraStatus, CameraTrigger, CameraTriggered,
-    Command, Exposure, Heartbeat, Identity, Info, JITTER_BURST_MAX, JitterBurst, JitterPair, NodeState, PointingAngle,
-    Rates, Refusal, Reply, Request, Response, Scet, StartedBy, StatusPage, StimulatorMode, Sync, Table, TableCell,
-    TimeFollowUp, Trigger, Triggered, Wheels, opcode,
-};
-use firmware_protocol::tables::Applied;
-use firmware_protocol::version::Version;
+use firmware_protocol::message::{AttitudeFlags, AttitudeRecord, CameraPage, CameraSet, CameraSetting, CameraStatus, CameraTrigger, CameraTriggered, Command, Exposure, Heartbeat, Identity, Info, JITTER_BURST_MAX, JitterBurst, JitterPair, NodeState, PointingAngle, Rates, Refusal, Reply, Request, Response, Scet, StartedBy, StatusPage, StimulatorMode, Sync, Table, TableCell, TimeFollowUp, Trigger, Triggered, Wheels, opcode};
+use firmware_protocol::{Reject, tables::Applied, version::Version};
 
 macro_rules! structures {
     ($($(#[doc = $doc:literal])+ $name:ident { $($field:ident: $kind:ty,)+ })+) => {

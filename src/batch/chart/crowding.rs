@@ -4,11 +4,9 @@
 //! `crowding.csv`, a chart and a verdict: between two numbers of stars the time grows as their ratio to some power,
 //! which must be at most 1 (a frame has a part that all stars share). A frame's own part is measured without stars.
 
-use crate::chart::drawer::Drawer;
 use crate::chart::scenes::{Movement, Psf, Scene, Stars};
-use crate::chart::stage::Stage;
-use crate::chart::timing::Effort;
 use crate::chart::{ChartError, Settings};
+use crate::chart::{drawer::Drawer, stage::Stage, timing::Effort};
 use core::fmt::Write;
 use frames::report::plot::{Axis, Chart, Series, Style};
 use plan::exposure::MethodChoice;

@@ -3,12 +3,9 @@
 use crate::chart::{Backends, ChartError};
 use base::image::Image;
 use image::gpu::{AdapterChoice, Electrons, GpuDevice};
-use image::render::cpu::Cpu;
-use image::render::gpu::Gpu;
-use image::render::reference::Reference;
 use image::render::{Backend, RenderError};
-use plan::exposure::ExposurePlan;
-use plan::exposure::cost::CostModel;
+use image::render::{cpu::Cpu, gpu::Gpu, reference::Reference};
+use plan::exposure::{ExposurePlan, cost::CostModel};
 use std::sync::Arc;
 
 /// A square image in f64.

@@ -1,23 +1,20 @@
 //! The effects whose cost is charted, as data: a name and a change that switches it on.
 
-use base::bayer::BayerPattern;
-use base::time::Tai;
+use base::{bayer::BayerPattern, time::Tai};
 use image::detector::binning::{Binning, BinningKind};
-use image::detector::blooming::Blooming;
 use image::detector::charge_transfer::{ChargeTransfer, OutputCorner};
-use image::detector::colour_filter::ColourFilter;
-use image::detector::defects::population::DefectPopulation;
-use image::detector::image_lag::ImageLag;
 use image::detector::protons::{ProtonDirection, ProtonFlux};
-use image::detector::tdi::Tdi;
-use image::detector::window::Window;
 use image::detector::{Background, DetectorParams, LinePattern, Nonlinearity, Rounding, RowNoise};
-use plan::exposure::planner::Planner;
-use plan::exposure::target::FIRST_TARGET_ID;
+use image::detector::{
+    blooming::Blooming, colour_filter::ColourFilter, defects::population::DefectPopulation, image_lag::ImageLag,
+    tdi::Tdi, window::Window,
+};
 use plan::exposure::{Instrument, Target, TargetCurve, TargetPath, TargetWay};
-use plan::optics::illumination::Vignetting;
-use plan::optics::psf_field::PsfField;
 use plan::optics::{Illumination, PsfModel};
+use plan::{
+    exposure::planner::Planner, exposure::target::FIRST_TARGET_ID, optics::illumination::Vignetting,
+    optics::psf_field::PsfField,
+};
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 
 /// Change that switches an effect of the detector on.

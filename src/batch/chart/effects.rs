@@ -4,18 +4,14 @@
 //! and without alternate, so that other load on the machine affects both; medians. An effect that is off takes no time,
 //! because none of its code runs: "without" means a camera that does not name it.
 
-use crate::chart::ChartError;
-use crate::chart::drawer::Drawer;
 use crate::chart::effect_cases::{DETECTOR, DRAWING, DrawingSwitch, Switch};
 use crate::chart::scenes::{Movement, Psf, Scene, Stars};
 use crate::chart::stage::{EXPOSURE_S, Stage};
-use crate::chart::timing::median;
+use crate::chart::{ChartError, drawer::Drawer, timing::median};
 use base::clock::Stopwatch;
 use base::image::{DnImage, Image};
-use image::detector::gpu::GpuDetector;
 use image::detector::{Background, Detector, DetectorConditions, DetectorParams};
-use image::render::RenderError;
-use image::render::gpu::Gpu;
+use image::{detector::gpu::GpuDetector, render::RenderError, render::gpu::Gpu};
 use plan::exposure::MethodChoice;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;

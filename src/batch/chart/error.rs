@@ -1,7 +1,6 @@
 //! Errors of making a chart.
 
-use image::gpu::GpuError;
-use image::render::RenderError;
+use image::{gpu::GpuError, render::RenderError};
 use sky::astrometry::AstrometryError;
 
 /// Reason why a chart cannot be made.

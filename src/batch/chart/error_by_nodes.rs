@@ -1,7 +1,6 @@
 //! Centroid error against the number of nodes, with the bound beside it, for the methods that count nodes.
 
-use crate::chart::rows::MethodRow;
-use crate::chart::scenes::Scene;
+use crate::chart::{rows::MethodRow, scenes::Scene};
 use frames::report::plot::{Axis, Chart, Series, Style};
 use plan::exposure::method::MethodName;
 

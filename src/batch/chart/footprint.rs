@@ -1,8 +1,7 @@
 //! Light outside a square footprint, against its half-width: summed pixel by pixel, and the bound.
 
 use frames::report::plot::{Axis, Chart, Series, Style};
-use plan::optics::PsfModel;
-use plan::optics::psf::LARGEST_HALF_PX;
+use plan::optics::{PsfModel, psf::LARGEST_HALF_PX};
 use serde::{Deserialize, Serialize};
 
 /// Positions of the star in its pixel: in the middle, on an edge, on a corner.

@@ -4,8 +4,7 @@
 //! contains the star's footprint and path, worst star. Pixel: worst pixel, in units of its own noise, minus the
 //! rounding of single precision. L1: sum of absolute differences over the sum of the truth.
 
-use crate::chart::drawer::Picture;
-use crate::chart::stage::READ_NOISE_E;
+use crate::chart::{drawer::Picture, stage::READ_NOISE_E};
 use core::ops::Range;
 use plan::exposure::ExposurePlan;
 

@@ -1,7 +1,6 @@
 //! Distance from Poisson's law, its bound and the time per pixel of every Poisson method, over its domain.
 
-use crate::chart::ChartError;
-use crate::chart::timing::Effort;
+use crate::chart::{ChartError, timing::Effort};
 use base::image::{DnImage, Image};
 use core::convert::Infallible;
 use frames::report::plot::{Axis, Chart, Series, Style};

@@ -1,12 +1,8 @@
 //! PSF sampling: error of every method against the width of the PSF, without motion.
 
-use crate::chart::drawer::Drawer;
-use crate::chart::rows::MethodRow;
-use crate::chart::scenes::Scene;
-use crate::chart::stage::Stage;
 use crate::chart::sweep::{blank_row, measure, refuse};
-use crate::chart::timing::Effort;
 use crate::chart::{ChartError, Settings};
+use crate::chart::{drawer::Drawer, rows::MethodRow, scenes::Scene, stage::Stage, timing::Effort};
 use frames::report::plot::{Axis, Chart, Series, Style};
 use plan::exposure::method::MethodName;
 use plan::exposure::{MethodChoice, PsfSampling};

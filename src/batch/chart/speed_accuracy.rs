@@ -1,7 +1,6 @@
 //! Centroid error against time: all methods on one scene by one backend, the Pareto front, the planner's choice.
 
-use crate::chart::rows::MethodRow;
-use crate::chart::scenes::Scene;
+use crate::chart::{rows::MethodRow, scenes::Scene};
 use base::accuracy::AccuracyBudget;
 use frames::report::pareto_front;
 use frames::report::plot::{Axis, Chart, Series, Style};

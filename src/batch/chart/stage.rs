@@ -1,10 +1,7 @@
 //! Scene -> instrument, motion and stars, ready to be planned.
 
 use crate::chart::scenes::{Movement, Psf, Scene, Stars};
-use base::accuracy::AccuracyBudget;
-use base::axes::Rotation;
-use base::random::philox;
-use base::time::Tai;
+use base::{accuracy::AccuracyBudget, axes::Rotation, random::philox, time::Tai};
 use core::f64::consts::TAU;
 use glam::DVec3;
 use plan::attitude::{JitterLine, LosPath};

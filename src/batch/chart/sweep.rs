@@ -8,9 +8,8 @@ use crate::chart::stage::{READ_NOISE_E, Stage};
 use crate::chart::timing::Effort;
 use crate::chart::{ChartError, Settings};
 use image::render::RenderError;
-use plan::exposure::MethodChoice;
 use plan::exposure::method::MethodName;
-use plan::exposure::{ExposurePlan, Planner};
+use plan::exposure::{ExposurePlan, MethodChoice, Planner};
 
 /// Factor of the effort for times whose prediction is checked.
 const SPEED_EFFORT: usize = 4;

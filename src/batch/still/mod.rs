@@ -17,10 +17,9 @@ use frames::sink::{FrameFault, SentFrame};
 use image::gpu::Electrons;
 use plan::exposure::target::Target;
 use plan::exposure::{ExposurePlan, Motion};
-use run::runtime::engine::Light;
 use run::runtime::frame_faults::{Begin, FrameFaults};
 use run::runtime::{FrameEngine, Imager, Ledger, RunParams, Slot, Started};
-use run::wiring::bench_parts::params_from;
+use run::{runtime::engine::Light, wiring::bench_parts::params_from};
 use scene::wcs::WcsMaker;
 use sky::almanac::Almanac;
 
@@ -197,8 +196,7 @@ fn slot_of(motion: &Motion, number: u32) -> Slot {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use base::axes::sensor_from_ra_dec_roll;
-    use base::image::DnImage;
+    use base::{axes::sensor_from_ra_dec_roll, image::DnImage};
     use plan::attitude::LosPath;
 
     fn motion(bench: &Bench, dec_deg: f64, at: Tai) -> Motion {

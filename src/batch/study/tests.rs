@@ -7,10 +7,8 @@ use super::trial::Tone;
 use base::units::{ARCSEC, DEG};
 use config::{Document, Scenario};
 use core::f64::consts::TAU;
-use testbed::acs::complex::Complex;
-use testbed::acs::pointing_error::PointingNoise;
 use testbed::acs::{Gains, PointingLoop, StructuralFilter};
-use testbed::estimator::GyroNoise;
+use testbed::{acs::complex::Complex, acs::pointing_error::PointingNoise, estimator::GyroNoise};
 
 const PERIOD_S: f64 = 0.1;
 

@@ -8,9 +8,7 @@
 //! In: vehicle parameters, an added delay. Out: `L`, `S`, margins, and the error caused by noise. Test: `tests`, with
 //! an independent simulation of the sampled loop; `tests/closed_loop/study.rs`, over pixels.
 
-use testbed::acs::complex::Complex;
-use testbed::acs::linear::PointingLoop;
-use testbed::acs::pointing_error::PointingNoise;
+use testbed::acs::{complex::Complex, linear::PointingLoop, pointing_error::PointingNoise};
 use testbed::estimator::{Farrenkopf, GyroNoise};
 use testbed::vehicle::VehicleParams;
 

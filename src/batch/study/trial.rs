@@ -5,20 +5,15 @@
 //! arcsec for the small satellite) that no linear theory contains and that would come at an unrelated time.
 //! Deterministic: the scenario and the injection decide every bit.
 
-use super::theory::LoopOnPaper;
-use super::tone::phasor;
+use super::{theory::LoopOnPaper, tone::phasor};
 use base::time::Span;
 use config::{Backend, Scenario};
 use core::f64::consts::TAU;
 use frames::sink::NullSink;
 use glam::DVec3;
-use run::wiring::error::LoopError;
-use run::wiring::stepped::SteppedRun;
+use run::wiring::{error::LoopError, stepped::SteppedRun};
 use std::sync::{Arc, Mutex, PoisonError};
-use testbed::acs::Mode;
-use testbed::acs::complex::Complex;
-use testbed::spacecraft::TestTorque;
-use testbed::vehicle::TelemetryRow;
+use testbed::{acs::Mode, acs::complex::Complex, spacecraft::TestTorque, vehicle::TelemetryRow};
 
 /// First attitude, mode changes and the first correction of the gyro's bias take less than this, s.
 pub const QUIET_S: f64 = 30.0;

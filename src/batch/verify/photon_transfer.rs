@@ -16,10 +16,8 @@
 //! for a curved response it is the mean slope. Errors for 512 x 512 pixels and the default procedure: gain 0.2 %, read
 //! noise 0.2 %, patterns 0.5 % if they exceed the noise of the stack. Checked by `tests/physics/photon_transfer.rs`.
 
-use crate::verify::DataSheet;
-use crate::verify::data_sheet::LightPoint;
 use crate::verify::flats::{Pair, Pattern, Stack};
-use crate::verify::linear_fit::Line;
+use crate::verify::{DataSheet, data_sheet::LightPoint, linear_fit::Line};
 use base::image::DnImage;
 
 /// Variance of rounding to whole DN.

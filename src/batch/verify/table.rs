@@ -1,7 +1,6 @@
 //! The tables of a verification as text.
 
-use crate::verify::data_sheet::Comparison;
-use crate::verify::fidelity::Fidelity;
+use crate::verify::{data_sheet::Comparison, fidelity::Fidelity};
 
 /// Returns the sheet beside the values of its file.
 pub fn data_sheet(lines: &[Comparison]) -> String {

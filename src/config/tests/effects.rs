@@ -51,13 +51,11 @@ fn effects_are_off_until_their_table_is_given() {
 fn effects_of_neighbours_are_as_the_camera_file_says() {
     use base::bayer::BayerPattern;
     use image::detector::binning::{Binning, BinningKind};
-    use image::detector::blooming::Blooming;
     use image::detector::charge_transfer::{ChargeTransfer, OutputCorner};
-    use image::detector::colour_filter::ColourFilter;
-    use image::detector::image_lag::ImageLag;
     use image::detector::protons::{ProtonDirection, ProtonFlux};
-    use image::detector::tdi::Tdi;
-    use image::detector::window::Window;
+    use image::detector::{
+        blooming::Blooming, colour_filter::ColourFilter, image_lag::ImageLag, tdi::Tdi, window::Window,
+    };
     let of = |section: &str, lines: &str| camera_with(section, lines).expect("a camera").detector.params.spatial;
     assert_eq!(of("detector.blooming", "drained_share = 0.25").blooming, Some(Blooming { drained_share: 0.25 }));
     assert_eq!(of("detector.blooming", "").blooming, Some(Blooming { drained_share: 0.0 }), "an empty table is on");

@@ -1,8 +1,7 @@
 //! Allowed values of the settings of a camera.
 
 use crate::camera_control::command::CameraCommand;
-use base::region::Regions;
-use base::time::Span;
+use base::{region::Regions, time::Span};
 
 /// Shortest integration time that a command may ask for.
 pub const EXPOSURE_LEAST: Span = Span::from_ns(10_000);

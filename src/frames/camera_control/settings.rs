@@ -1,7 +1,6 @@
 //! The settings of one exposure, and the triggers of exposures. Names and meanings: GenICam SFNC 2.7.1.
 
-use base::region::Regions;
-use base::time::Span;
+use base::{region::Regions, time::Span};
 
 /// The settings of one exposure.
 #[derive(Debug, Clone, Copy, PartialEq)]

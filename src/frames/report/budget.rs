@@ -4,13 +4,9 @@
 //! compares the 99 % quantile (below 100 frames: the longest). A stage that did not run breaks no limit; that nothing
 //! was delivered breaks those of delivery.
 
-use crate::report::ReportError;
 use crate::report::frame_ring::{FrameRing, Latency};
-use crate::report::histogram::Quantiles;
-use crate::report::machine::Machine;
 use crate::report::stages::{Stage, StageHistograms};
-use crate::report::summary::FrameCounts;
-use crate::report::verdict::RunVerdict;
+use crate::report::{ReportError, histogram::Quantiles, machine::Machine, summary::FrameCounts, verdict::RunVerdict};
 use serde::Serialize;
 use std::collections::BTreeMap;
 

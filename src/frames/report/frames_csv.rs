@@ -1,8 +1,7 @@
 //! The frame ring as CSV: one row per frame, times in ms after its release, empty where there was nothing.
 
-use crate::report::ReportError;
 use crate::report::frame_record::{FrameRecord, MissCause};
-use crate::report::stages::Stage;
+use crate::report::{ReportError, stages::Stage};
 use base::time::{Span, Tai};
 use base::units::ARCSEC;
 

@@ -5,12 +5,10 @@
 //! Limits: [`PORTS_MAX`] ports and [`NAMES_MAX`] names each, [`EVENTS_MAX`] kinds of events; what does not fit is
 //! counted. Tests: below.
 
-use crate::report::account::FrameAccount;
-use crate::report::newest_events::NewestEvents;
-use crate::report::stages::Stage;
-use crate::report::summary::FrameCounts;
-use crate::report::time_tally::TimeTally;
-use crate::report::verdict::RunWord;
+use crate::report::{
+    account::FrameAccount, newest_events::NewestEvents, stages::Stage, summary::FrameCounts, time_tally::TimeTally,
+    verdict::RunWord,
+};
 
 /// Number of ports whose counts are reported.
 pub const PORTS_MAX: usize = 4;

@@ -3,16 +3,12 @@
 //! Keys carry their unit; maps are sorted, stages are in flow order, so equal runs give equal text except their times.
 //! The caller writes the text, whole or not at all.
 
-use crate::report::ReportError;
-use crate::report::account::FrameAccount;
-use crate::report::frame_ring::Latency;
-use crate::report::gateway_row::GatewayRow;
 use crate::report::histogram::{CountSpread, Quantiles};
-use crate::report::losses::Losses;
-use crate::report::machine::Machine;
-use crate::report::sink_row::SinkRow;
-use crate::report::stages::Stage;
 use crate::report::verdict::{RunVerdict, RunWord};
+use crate::report::{
+    ReportError, account::FrameAccount, frame_ring::Latency, gateway_row::GatewayRow, losses::Losses, machine::Machine,
+    sink_row::SinkRow, stages::Stage,
+};
 use serde::{Serialize, Serializer};
 use std::collections::BTreeMap;
 

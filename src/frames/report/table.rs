@@ -1,11 +1,9 @@
 //! The run summary as text for a terminal: aligned columns, units in the headings.
 
-use crate::report::gateway_row::HEADINGS;
-use crate::report::histogram::Quantiles;
-use crate::report::plain_names::plain_names;
-use crate::report::sink_row::SinkRow;
-use crate::report::stages::Stage;
-use crate::report::summary::RunSummary;
+use crate::report::{
+    gateway_row::HEADINGS, histogram::Quantiles, plain_names::plain_names, sink_row::SinkRow, stages::Stage,
+    summary::RunSummary,
+};
 use std::collections::BTreeMap;
 
 /// Fewer times than this and the 99.9 % quantile is simply the longest.

@@ -6,9 +6,7 @@
 //! measure the bars.
 
 use crate::report::frame_record::{FrameRecord, MissCause};
-use crate::report::plot::colour;
-use crate::report::stages::Stage;
-use crate::report::xml::escaped;
+use crate::report::{plot::colour, stages::Stage, xml::escaped};
 use base::time::{Span, Tai};
 use core::fmt::Write;
 

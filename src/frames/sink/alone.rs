@@ -63,10 +63,8 @@ impl Sink for Alone {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sink::compliance::check_sink;
-    use crate::sink::recorder::frame_path;
-    use crate::sink::sample::sample_frame;
     use crate::sink::{NullSink, Recorder, RecorderOptions};
+    use crate::sink::{compliance::check_sink, recorder::frame_path, sample::sample_frame};
 
     #[test]
     fn lone_sink_complies() {

@@ -12,9 +12,8 @@
 
 use crate::sink::line::{Loss, LossKind, SinkLine};
 use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
-use base::clock::Stopwatch;
 use base::patience::{self, LOOK, Patience, QUEUE_LOOK};
-use base::time::Span;
+use base::{clock::Stopwatch, time::Span};
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, bounded};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::thread::JoinHandle;

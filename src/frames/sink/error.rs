@@ -1,8 +1,7 @@
 //! Errors of the sinks.
 
 use base::time::Span;
-use std::io;
-use std::path::PathBuf;
+use std::{io, path::PathBuf};
 
 /// A frame or file that did not get out, or a recording that cannot be read back.
 #[derive(Debug, thiserror::Error)]

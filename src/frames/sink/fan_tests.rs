@@ -2,12 +2,10 @@
 //!
 //! A slow sink is one that waits for the test: no time is measured.
 
-use crate::sink::branch::BranchParams;
-use crate::sink::compliance::check_sink;
-use crate::sink::sample::sample_frame;
 use crate::sink::{
     Fan, Loss, LossKind, NullSink, OnFull, Recorder, RecorderOptions, SentFrame, Sink, SinkError, SinkLine, SinkSummary,
 };
+use crate::sink::{branch::BranchParams, compliance::check_sink, sample::sample_frame};
 use core::sync::atomic::{AtomicBool, Ordering};
 use crossbeam_channel::{Receiver, Sender, bounded, unbounded};
 use std::sync::Arc;

@@ -1,14 +1,9 @@
 //! One frame on its way out: pixels, the stars that are truly in it, and how it came about.
 
 use crate::camera_control::Regions;
-use crate::sink::active_fault::ActiveFaults;
-use crate::sink::faults::FaultFlags;
-use crate::sink::target_table::TargetRow;
-use crate::sink::wcs::Wcs;
-use base::bayer::BayerPattern;
-use base::image::DnImage;
-use base::source_id::SourceId;
+use crate::sink::{active_fault::ActiveFaults, faults::FaultFlags, target_table::TargetRow, wcs::Wcs};
 use base::time::{Span, Tai};
+use base::{bayer::BayerPattern, image::DnImage, source_id::SourceId};
 use std::sync::Arc;
 
 /// Targets on the sky that fit without allocation from the start.

@@ -217,8 +217,7 @@ pub fn path_in(directory: &Path) -> PathBuf {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sink::SentFrame;
-    use crate::sink::sample::sample_frame;
+    use crate::sink::{SentFrame, sample::sample_frame};
 
     impl FrameRow {
         /// The line of a frame, spelled without the table on purpose.

@@ -108,8 +108,7 @@ impl Sink for Iceoryx {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sink::compliance::check_sink;
-    use crate::sink::sample::sample_frame;
+    use crate::sink::{compliance::check_sink, sample::sample_frame};
     use iceoryx2::port::subscriber::Subscriber;
 
     /// Returns a name that no other test and no other run of the tests has.

@@ -8,12 +8,10 @@
 //! listed is not in it. A directory that already holds a recording is refused, and no file, link, pipe or device that
 //! the recording did not make is opened or replaced: the frame is refused instead.
 
-use crate::sink::atomic::write_new_file;
 use crate::sink::crc32::{RunCrc32, pixel_crc32};
-use crate::sink::facts::FactSource;
 use crate::sink::frame_log::{FrameLog, path_in};
-use crate::sink::ser::SerFile;
 use crate::sink::{SentFrame, Sink, SinkError, SinkSummary, fits, png, target_table, truth};
+use crate::sink::{atomic::write_new_file, facts::FactSource, ser::SerFile};
 use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -200,8 +198,7 @@ impl Sink for Recorder {
 mod tests {
     use super::*;
     use crate::sink::frame_log::{FrameRow, read_frame_log};
-    use crate::sink::sample::sample_frame;
-    use crate::sink::truth::read_truth;
+    use crate::sink::{sample::sample_frame, truth::read_truth};
 
     const EVERYTHING: RecorderOptions = RecorderOptions { fits: true, truth: true, png_every: 2, ser: true };
 

@@ -17,8 +17,7 @@
 //! `hil_scripts/test_recorders.py` with a reader of its own and with Siril.
 
 use crate::sink::{SentFrame, SinkError};
-use base::bayer::BayerPattern;
-use base::time::Tai;
+use base::{bayer::BayerPattern, time::Tai};
 use std::fs::{File, OpenOptions};
 use std::io::{self, Seek, SeekFrom, Write};
 use std::path::PathBuf;
@@ -191,8 +190,7 @@ fn text_field(text: &str) -> [u8; 40] {
 mod tests {
     use super::*;
     use crate::sink::sample::sample_frame;
-    use std::fs;
-    use std::path::Path;
+    use std::{fs, path::Path};
 
     const FRAME_BYTES: usize = 2 * 31 * 17;
 

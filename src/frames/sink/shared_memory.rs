@@ -29,11 +29,9 @@
 //! no `unsafe`, at the cost of one copy by the kernel. Tests: below, and `hil_scripts/test_recorders.py` from another
 //! process.
 
-use crate::sink::atomic::temporary_beside;
-use crate::sink::crc32::pixel_crc32;
 use crate::sink::facts::{FactSource, Place, Scalar, Stored, TABLE};
-use crate::sink::tally::Tally;
 use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
+use crate::sink::{atomic::temporary_beside, crc32::pixel_crc32, tally::Tally};
 use bytemuck::{Pod, Zeroable};
 use core::mem::offset_of;
 #[cfg(feature = "iceoryx2")]
@@ -231,9 +229,8 @@ fn remove_left(path: &Path) -> Result<(), SinkError> {
 
 /// Takes the writer's lock of a ring; false when another writer has it. It goes with the file's last descriptor.
 fn take_lock(file: &File) -> io::Result<bool> {
-    use nix::errno::Errno;
     use nix::fcntl::{FcntlArg, fcntl};
-    use nix::libc;
+    use nix::{errno::Errno, libc};
     let whence = i16::try_from(libc::SEEK_SET).unwrap_or_default();
     let kind = i16::try_from(libc::F_WRLCK).unwrap_or_default();
     let lock = libc::flock { l_type: kind, l_whence: whence, l_start: LOCKED_BYTE, l_len: 1, l_pid: 0 };
@@ -335,8 +332,7 @@ impl Drop for SharedMemory {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sink::compliance::check_sink;
-    use crate::sink::sample::sample_frame;
+    use crate::sink::{compliance::check_sink, sample::sample_frame};
 
     /// Returns the frame `n` (from 1) as a reader finds it; `None` when it is not there (any more).
     fn read(file: &File, n: u64) -> Option<(SlotHead, Vec<u16>)> {

@@ -6,8 +6,7 @@
 
 use crate::sink::tally::Tally;
 use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
-use base::image::DnImage;
-use base::region::Regions;
+use base::{image::DnImage, region::Regions};
 use crossbeam_channel::{Receiver, Sender, bounded};
 
 /// A frame that comes out of a tap.
@@ -105,8 +104,7 @@ impl Sink for Tap {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sink::compliance::check_sink;
-    use crate::sink::sample::sample_frame;
+    use crate::sink::{compliance::check_sink, sample::sample_frame};
 
     #[test]
     fn the_tap_complies() {

@@ -50,9 +50,8 @@ impl Sink for Tee {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sink::compliance::check_sink;
-    use crate::sink::sample::sample_frame;
     use crate::sink::{NullSink, tap};
+    use crate::sink::{compliance::check_sink, sample::sample_frame};
 
     #[test]
     fn the_tee_complies() {

@@ -21,9 +21,8 @@ mod spk;
 mod tests;
 mod text_kernel;
 
-use crate::attitude::AttitudeHistory;
 use crate::error::{HistoryError, Source};
-use crate::orbit::OrbitHistory;
+use crate::{attitude::AttitudeHistory, orbit::OrbitHistory};
 use base::units::ARCSEC;
 use clock::{EarthTime, SpacecraftClock};
 use daf::Daf;

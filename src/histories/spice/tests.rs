@@ -1,8 +1,7 @@
 //! Kernels made byte by byte: what is read, and what is refused. `hil_scripts/test_spice.py` has those of CSPICE.
 
 use super::*;
-use base::axes::Rotation;
-use base::time::Tai;
+use base::{axes::Rotation, time::Tai};
 use glam::DVec3;
 
 const LSK: &str = "KPL/LSK\n\\begindata\nDELTET/K = 1.657D-3\nDELTET/EB=1.671D-2\nDELTET/M = ( 6.239996D0 1.99096871D-7 )\n\

@@ -6,8 +6,7 @@
 //! lines, a byte order mark, and remarks that are not UTF-8.
 
 use crate::error::{HistoryError, Source};
-use std::borrow::Cow;
-use std::collections::HashMap;
+use std::{borrow::Cow, collections::HashMap};
 
 /// Largest kernel that is taken.
 const BYTES_MAX: usize = 64 << 20;

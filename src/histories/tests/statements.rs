@@ -1,7 +1,6 @@
 //! Statements of a file are used, refused, or named in a warning: none is passed over.
 
-use super::files::xml_metadata;
-use super::*;
+use super::{files::xml_metadata, *};
 use crate::{AttitudeInterpolation, OrbitInterpolation};
 
 fn refused(text: &str, is_orbit: bool) -> String {

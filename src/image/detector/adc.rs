@@ -4,8 +4,7 @@
 //! half, and its numbers are half a DN lower in the mean. Quantisation noise 1/12 DN^2 either way (EMVA 1288, section
 //! 2.5). A converter matched to the pixel has `gain = full well / 2^bits` (one LSB).
 
-use crate::detector::block::BLOCK;
-use crate::detector::constants::Constants;
+use crate::detector::{block::BLOCK, constants::Constants};
 use base::fused::{mul_add, whole_bits};
 
 /// Converts a block.

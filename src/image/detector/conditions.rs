@@ -1,8 +1,6 @@
 //! The conditions of a detector in one frame: passed with each exposure, and not kept.
 
-use crate::detector::DetectorParams;
-use crate::detector::background::Background;
-use crate::detector::protons::ProtonFlux;
+use crate::detector::{DetectorParams, background::Background, protons::ProtonFlux};
 use base::region::Regions;
 
 /// The conditions of one exposure.

@@ -1,8 +1,6 @@
 //! Parameters of a detector and conditions of an exposure -> the numbers of the inner loops.
 
-use crate::detector::conditions::DetectorConditions;
-use crate::detector::nonlinearity::Pieces;
-use crate::detector::params::DetectorParams;
+use crate::detector::{conditions::DetectorConditions, nonlinearity::Pieces, params::DetectorParams};
 
 /// The parameters as the inner loops (and the GPU) want them.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -6,10 +6,8 @@
 //! much. An effect that is off, truncation, amplifier noise and a temperature cost nothing. On a device the shares are
 //! others: its memory is the limit.
 
-use crate::detector::binning::BinningKind;
-use crate::detector::block::BLOCK;
-use crate::detector::defects::DefectPopulation;
 use crate::detector::{DetectorParams, Patterns};
+use crate::detector::{binning::BinningKind, block::BLOCK, defects::DefectPopulation};
 use base::region::Regions;
 
 /// A map of the dark current.

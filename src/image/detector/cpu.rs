@@ -2,20 +2,15 @@
 //! when neighbour stages are on, a pass that makes charge, the neighbour stages, and a pass that reads out. Regions
 //! limit the pass that reads out; charge is made and moved in the whole image, where it comes from anywhere.
 
-use crate::detector::background::Shape;
-use crate::detector::conditions::DetectorConditions;
-use crate::detector::constants::Constants;
-use crate::detector::disturbances::Disturbances;
 use crate::detector::effect::{ORDER, Part, effects_of};
 use crate::detector::ends::{ChargeToDn, Mean, MeanToCharge, MeanToDn};
-use crate::detector::line_pattern::Lines;
 use crate::detector::neighbour_stage::{FrameAt, NeighbourStage};
-use crate::detector::neighbours;
-use crate::detector::output::Output;
 use crate::detector::pattern::{PatternSizeError, Patterns};
-use crate::detector::seeds::Seeds;
-use crate::detector::stages::Stages;
-use crate::detector::{DetectorParams, Effect};
+use crate::detector::{DetectorParams, Effect, neighbours};
+use crate::detector::{
+    background::Shape, conditions::DetectorConditions, constants::Constants, disturbances::Disturbances,
+    line_pattern::Lines, output::Output, seeds::Seeds, stages::Stages,
+};
 use base::image::{DnImage, Image};
 use base::random::key;
 use core::marker::PhantomData;

@@ -1,9 +1,8 @@
 //! The fixed patterns of one detector: drawn from its seed, or given, as its stages read them.
 
-use crate::detector::DetectorParams;
 use crate::detector::binning::{Binning, BinningKind, sums_of_squares};
-use crate::detector::colour_filter::ColourFilter;
 use crate::detector::pattern::{PatternSizeError, Patterns, normal_map};
+use crate::detector::{DetectorParams, colour_filter::ColourFilter};
 use base::random::Stage;
 use std::sync::Arc;
 

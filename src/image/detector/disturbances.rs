@@ -3,13 +3,10 @@
 //! Both backends own one; the same seed and the same commands give the same list. Nothing is allocated after the start.
 
 use crate::detector::binning::{Binning, BinningKind};
-use crate::detector::conditions::DetectorConditions;
-use crate::detector::dark_current::DarkLaw;
 use crate::detector::defects::{DefectSpace, Defects};
 use crate::detector::outliers::{Outlier, Outliers};
-use crate::detector::params::DetectorParams;
 use crate::detector::protons::{ProtonFlux, ProtonTrack, Protons};
-use crate::detector::seeds::Seeds;
+use crate::detector::{conditions::DetectorConditions, dark_current::DarkLaw, params::DetectorParams, seeds::Seeds};
 use base::image::DnImage;
 
 /// Defects that may be commanded besides those of the camera file.

@@ -7,10 +7,8 @@
 //!
 //! Tests: below, and `tests/physics/line_noise.rs`.
 
-use crate::detector::block::BLOCK;
-use crate::detector::pattern::normal_map;
-use base::fused::mul_add;
-use base::random::Stage;
+use crate::detector::{block::BLOCK, pattern::normal_map};
+use base::{fused::mul_add, random::Stage};
 
 /// Spread of columns and rows.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -5,11 +5,9 @@
 //! [`stages`], never in a frame. [`crate::detector::gpu::neighbours`] has the same list on a device.
 
 use crate::detector::binning::{Binning, BinningKind, ChargeBinningStage};
-use crate::detector::blooming::BloomingStage;
-use crate::detector::charge_transfer::ChargeTransferStage;
-use crate::detector::image_lag::ImageLagStage;
 use crate::detector::neighbour_stage::{FrameAt, NeighbourStage};
 use crate::detector::{DetectorParams, Effect, full_well};
+use crate::detector::{blooming::BloomingStage, charge_transfer::ChargeTransferStage, image_lag::ImageLagStage};
 use base::image::Image;
 
 /// Returns the stages that are on, in order; with `keep_charge` at least the full well, so that there is a charge

@@ -5,8 +5,7 @@
 use crate::detector::SpatialParams;
 use crate::detector::binning::{Binning, BinningKind, bin_digital};
 use crate::detector::window::{OutputGeometry, cut};
-use base::image::DnImage;
-use base::region::Regions;
+use base::{image::DnImage, region::Regions};
 
 /// Geometry of the output image.
 #[derive(Debug, Clone)]

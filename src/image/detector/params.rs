@@ -1,12 +1,9 @@
 //! Detector parameters in the terms of EMVA 1288 and ECSS.
 
-use crate::detector::dark_current::DarkLaw;
-use crate::detector::line_pattern::LinePattern;
-use crate::detector::nonlinearity::Nonlinearity;
-use crate::detector::poisson::PoissonMethod;
-use crate::detector::rounding::Rounding;
-use crate::detector::row_noise::RowNoise;
-use crate::detector::spatial::SpatialParams;
+use crate::detector::{
+    dark_current::DarkLaw, line_pattern::LinePattern, nonlinearity::Nonlinearity, poisson::PoissonMethod,
+    rounding::Rounding, row_noise::RowNoise, spatial::SpatialParams,
+};
 
 /// One detector.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,15 +1,12 @@
 //! Parameters of the effects that depend on the pixel's place, on its neighbours or on the frame before; all of them
 //! off.
 
-use crate::detector::binning::Binning;
-use crate::detector::blooming::Blooming;
-use crate::detector::charge_transfer::ChargeTransfer;
-use crate::detector::colour_filter::ColourFilter;
-use crate::detector::defects::DefectPopulation;
-use crate::detector::image_lag::ImageLag;
 use crate::detector::protons::{ProtonFlux, SensitiveLayer};
-use crate::detector::tdi::Tdi;
 use crate::detector::window::{OutputGeometry, Window};
+use crate::detector::{
+    binning::Binning, blooming::Blooming, charge_transfer::ChargeTransfer, colour_filter::ColourFilter,
+    defects::DefectPopulation, image_lag::ImageLag, tdi::Tdi,
+};
 use base::bayer::BayerPattern;
 
 /// Spatial effects that are on; `None`: off.

@@ -4,13 +4,11 @@
 //! One pass may run all of [`ORDER`](crate::detector::ORDER), or the stages before or after the neighbours alone; over
 //! all pixels, or over those of some regions, with the same bits.
 
-use crate::detector::background::Shape;
 use crate::detector::block::{BLOCK, Words};
-use crate::detector::constants::Constants;
-use crate::detector::line_pattern::Lines;
-use crate::detector::outliers::Outliers;
-use crate::detector::pattern::Patterns;
 use crate::detector::{Effect, PoissonMethod};
+use crate::detector::{
+    background::Shape, constants::Constants, line_pattern::Lines, outliers::Outliers, pattern::Patterns,
+};
 use base::region::Regions;
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;

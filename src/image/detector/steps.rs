@@ -1,11 +1,9 @@
 //! The step of each effect that works pixel by pixel, on one block of pixels.
 
 use crate::detector::block::{BLOCK, Words};
-use crate::detector::effect::Effect;
-use crate::detector::outliers::Outlier;
 use crate::detector::poisson::{BlockPlace, draw_by};
-use crate::detector::stages::Stages;
 use crate::detector::{adc, dark_current, full_well, line_pattern, nonlinearity, read_noise};
+use crate::detector::{effect::Effect, outliers::Outlier, stages::Stages};
 
 impl Stages<'_> {
     /// Applies the step of one effect to a block of pixels that begins at pixel `first`.

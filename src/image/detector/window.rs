@@ -6,8 +6,7 @@
 //! factor together and `first` the first sensor pixel of the window. The window is given in sensor pixels; it begins
 //! and ends on whole output pixels. `tests/physics/detector_spatial.rs` compares the centroid of a star with this.
 
-use base::image::DnImage;
-use base::region::Regions;
+use base::{image::DnImage, region::Regions};
 
 /// A part of the sensor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,7 +1,6 @@
 //! Device buffers that are kept from frame to frame and only ever grow.
 
-use crate::gpu::device::GpuDevice;
-use crate::gpu::error::GpuError;
+use crate::gpu::{device::GpuDevice, error::GpuError};
 use bytemuck::Pod;
 use core::num::NonZeroU64;
 use wgpu::BufferUsages;

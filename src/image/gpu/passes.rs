@@ -1,7 +1,6 @@
 //! Compute pipelines and their dispatch.
 
-use crate::gpu::device::GpuDevice;
-use crate::gpu::error::GpuError;
+use crate::gpu::{device::GpuDevice, error::GpuError};
 
 /// Invocations of every workgroup.
 pub const WORKGROUP: u32 = 64;

@@ -3,9 +3,7 @@
 //! `record` puts a copy at the end of a list of commands, `receive` waits for the oldest one. Depth 1 is right on a
 //! software adapter (deeper adds a frame of latency each and gains nothing); a discrete GPU may gain from 2.
 
-use crate::gpu::buffers::create;
-use crate::gpu::device::GpuDevice;
-use crate::gpu::error::GpuError;
+use crate::gpu::{buffers::create, device::GpuDevice, error::GpuError};
 use wgpu::BufferUsages;
 
 /// The ring.

@@ -1,7 +1,6 @@
 //! A table of `vec4`s as a texture: software adapters fetch texels by vector gathers, buffers lane by lane.
 
-use crate::gpu::device::GpuDevice;
-use crate::gpu::error::GpuError;
+use crate::gpu::{device::GpuDevice, error::GpuError};
 
 /// Largest ratio of a texture's kept size to the size that is needed.
 const MOST_GROWTH: u64 = 2;

@@ -8,19 +8,14 @@
 use crate::gpu::Electrons;
 use crate::render::band_pixels::{Band, add_clipped, add_lanes};
 use crate::render::bands::{BAND_ROWS, BLOCK, Bands, NO_KERNEL, NodeColumns, Spot, Trail};
-use crate::render::grid::LANES;
-use crate::render::plan_tables::PlanTables;
-use crate::render::profile::Profile;
 use crate::render::stamp::{Stamped, stamp};
 use crate::render::table::{Form, PsfTable};
-use crate::render::taps::Taps;
 use crate::render::whole::{TILE_PX, WholeImage};
 use crate::render::{Backend, RenderError, check_kernel, check_sampling};
+use crate::render::{grid::LANES, plan_tables::PlanTables, profile::Profile, taps::Taps};
 use base::fused::{mul_add, whole_bits};
-use base::image::Image;
-use base::region::Regions;
-use plan::exposure::ExposurePlan;
-use plan::exposure::sampling::ANALYTIC_HALF_PX;
+use base::{image::Image, region::Regions};
+use plan::exposure::{ExposurePlan, sampling::ANALYTIC_HALF_PX};
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 

@@ -4,10 +4,8 @@
 //! kernels are rebuilt for every plan, side by side. Tests: the agreement tests of both backends.
 
 use crate::render::table::{Form, PsfTable};
-use plan::exposure::cost::kernel_half_px;
-use plan::exposure::sampling::oversampling;
 use plan::exposure::{Drawing, ExposurePlan, PsfSampling};
-use plan::optics::PsfModel;
+use plan::{exposure::cost::kernel_half_px, exposure::sampling::oversampling, optics::PsfModel};
 use rayon::prelude::*;
 
 /// The tables of one backend.

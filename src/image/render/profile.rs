@@ -6,8 +6,7 @@
 //! whole pixels, convolved with Keys's kernel.
 
 use crate::render::erf::erf;
-use plan::exposure::PsfSampling;
-use plan::exposure::sampling::keys;
+use plan::exposure::{PsfSampling, sampling::keys};
 
 /// Sampling of one axis.
 #[derive(Debug, Clone, Copy, PartialEq)]

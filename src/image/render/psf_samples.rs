@@ -7,9 +7,7 @@
 //! B-spline (Unser, IEEE Signal Processing Magazine 16 (1999), 22). Tests: the table's.
 
 use crate::render::grid::Grid;
-use plan::optics::RoundPsf;
-use plan::optics::psf_grid::PsfGrid;
-use plan::optics::quadrature::gauss_legendre;
+use plan::optics::{RoundPsf, psf_grid::PsfGrid, quadrature::gauss_legendre};
 
 /// Gauss-Legendre nodes per axis and subcell.
 const SUBCELL_NODES: usize = 4;

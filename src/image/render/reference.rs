@@ -11,13 +11,12 @@
 use crate::gpu::Electrons;
 use crate::render::{Backend, RenderError};
 use base::image::Image;
-use plan::exposure::line::for_each_segment;
-use plan::exposure::target_plan::seen_after_mid_s;
 use plan::exposure::track::{StarPlace, turned};
 use plan::exposure::{ExposurePlan, Motion, PixelPath, PixelPoint, PlannedStar, PlannedTarget, Shutter};
-use plan::optics::gaussian;
-use plan::optics::quadrature::gauss_legendre;
-use plan::optics::{PsfForm, PsfModel};
+use plan::optics::{PsfForm, PsfModel, gaussian};
+use plan::{
+    exposure::line::for_each_segment, exposure::target_plan::seen_after_mid_s, optics::quadrature::gauss_legendre,
+};
 use rayon::prelude::*;
 
 /// Nodes per panel.

@@ -3,9 +3,7 @@
 //! Tests: the agreement tests of the CPU backend; `products_and_images_are_one_star` below.
 
 use crate::render::band_pixels::{Band, add_clipped, add_lanes};
-use crate::render::grid::LANES;
-use crate::render::products::MOST_TERMS;
-use crate::render::table::PsfTable;
+use crate::render::{grid::LANES, products::MOST_TERMS, table::PsfTable};
 use base::fused::mul_add;
 
 /// A star that is drawn from a table.
@@ -134,8 +132,7 @@ fn add_images<const FUSED: bool>(band: &mut Band<'_>, table: &PsfTable, star: &S
 mod tests {
     use super::*;
     use crate::render::table::Form;
-    use plan::exposure::sampling::PRODUCTS_ERROR;
-    use plan::optics::PsfModel;
+    use plan::{exposure::sampling::PRODUCTS_ERROR, optics::PsfModel};
 
     /// Returns stars all over a small image and over its edges.
     fn drawn(table: &PsfTable) -> Vec<f32> {

@@ -6,8 +6,7 @@
 //! from the grid of its table, not from the sum of products that omits 1e-6 of the peak. Error: rounding of a pixel's own
 //! light to single precision, 1e-6 of it. Tests below; `tests/physics/whole.rs`, `tests/gpu/whole.rs`.
 
-use crate::render::plan_tables::PlanTables;
-use crate::render::table::PsfTable;
+use crate::render::{plan_tables::PlanTables, table::PsfTable};
 use plan::exposure::track::StarTrack;
 use plan::exposure::{ExposurePlan, PlannedStar};
 use plan::optics::{PsfForm, gaussian};

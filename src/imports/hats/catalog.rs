@@ -4,10 +4,8 @@
 //! ones: `properties`), `partition_info.csv` and `dataset/Norder=k/Dir=d/Npix=n.parquet`, or `Npix=n/` with files in
 //! it; a collection is a folder of catalogs, whose main one is taken. Tests: `super::tests`.
 
-use super::error::HatsError;
-use super::file::ParquetFile;
 use super::pixel::{MOST_ORDER, Pixel};
-use super::properties::Properties;
+use super::{error::HatsError, file::ParquetFile, properties::Properties};
 use crate::published::gaia::Names;
 use base::input_file::{DATA_BYTES, read_text};
 use std::collections::{BTreeMap, BTreeSet};

@@ -6,10 +6,9 @@
 //! import of it with the limits of the layers makes the same layers, byte for byte (`super::tests`).
 
 use super::catalog::{ACKNOWLEDGEMENT, EPOCH};
-use super::error::HatsError;
 use super::pixel::{MOST_ORDER, Pixel};
-use super::properties;
 use super::writer::{CatalogRow, CatalogWriter};
+use super::{error::HatsError, properties};
 use base::unfinished::Unfinished;
 use stars::layer::{Layer, NewStar};
 use std::fs;

@@ -4,14 +4,11 @@
 //! of a dictionary. These are read first here ([`super::thrift`]) and compared with the file. Limits: a footer of 64
 //! MiB, pages of 64 MiB unpacked (writers make pages of about 1 MiB). Tests: `super::tests::damage`.
 
-use super::caught::caught;
-use super::error::HatsError;
-use super::thrift::Compact;
+use super::{caught::caught, error::HatsError, thrift::Compact};
 use parquet::file::metadata::{ColumnChunkMetaData, ParquetMetaData, ParquetMetaDataReader};
-use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::{fs::File, sync::Arc};
 
 /// First and last bytes of a Parquet file.
 pub(super) const MAGIC: [u8; 4] = *b"PAR1";

@@ -4,10 +4,7 @@
 //! with the same counts of what is blank. A row of a partition must lie in the pixel of the partition, within 0.02 mas
 //! (0.06 arcsec where places are of single precision).
 
-use super::error::HatsError;
-use super::file::ParquetFile;
-use super::pixel::Pixel;
-use super::rows::Rows;
+use super::{error::HatsError, file::ParquetFile, pixel::Pixel, rows::Rows};
 use crate::published::gaia::{DEC, Names, RA, star_of_row};
 use base::units::DEG;
 use stars::layer::Sorting;

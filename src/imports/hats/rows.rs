@@ -5,17 +5,15 @@
 //! each column one page, its dictionary, and [`BATCH_ROWS`] cells. The CRC-32 of a page is checked where it has one;
 //! most writers (pyarrow among them, by default) write none, and a changed value in such a file goes unnoticed.
 
-use super::caught::caught;
-use super::error::HatsError;
-use super::file::ParquetFile;
+use super::{caught::caught, error::HatsError, file::ParquetFile};
 use crate::published::gaia::{COLUMNS, DEC, Names, RA, SOURCE_ID};
 use parquet::basic::{ConvertedType, LogicalType, Type};
-use parquet::column::page::PageReader;
-use parquet::column::reader::ColumnReaderImpl;
 use parquet::data_type::{DataType, DoubleType, FloatType, Int32Type, Int64Type};
-use parquet::file::metadata::RowGroupMetaData;
-use parquet::file::serialized_reader::SerializedPageReader;
 use parquet::schema::types::{ColumnDescPtr, ColumnDescriptor};
+use parquet::{
+    column::page::PageReader, column::reader::ColumnReaderImpl, file::metadata::RowGroupMetaData,
+    file::serialized_reader::SerializedPageReader,
+};
 use std::sync::Arc;
 
 /// Identifiers of a catalog that starloop wrote, in the place of `source_id`.

@@ -5,22 +5,17 @@
 //! numbers), `ra`, `dec` (deg, ICRS), `pmra` (with cos dec), `pmdec` (mas/yr), `parallax` (mas), `phot_g_mean_mag`,
 //! `bp_rp` (mag); null where it is unknown. Pages are Zstandard.
 
-use super::error::HatsError;
-use super::file::MAGIC;
+use super::{error::HatsError, file::MAGIC};
 use base::units::DEG;
-use parquet::basic::Compression;
 use parquet::data_type::{DataType, DoubleType, FloatType, Int64Type};
 use parquet::errors::{ParquetError, Result as Written};
 use parquet::file::metadata::{FileMetaData, ParquetMetaData, ParquetMetaDataWriter, RowGroupMetaData, SortingColumn};
 use parquet::file::properties::{EnabledStatistics, WriterProperties, WriterPropertiesPtr};
 use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
-use parquet::schema::parser::parse_message_type;
 use parquet::schema::types::{SchemaDescriptor, TypePtr};
+use parquet::{basic::Compression, schema::parser::parse_message_type};
 use stars::layer::NewStar;
-use std::fs::File;
-use std::io::Write;
-use std::path::Path;
-use std::sync::Arc;
+use std::{fs::File, io::Write, path::Path, sync::Arc};
 
 /// Rows of a row group: what is packed, and read, at a time.
 const GROUP_ROWS: usize = 131_072;

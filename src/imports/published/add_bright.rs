@@ -3,9 +3,8 @@
 //! Tycho-2 is matched with Hipparcos, and what is left of both with the stars taken in: no star comes twice, none is
 //! lost. Each becomes one of the counts reported at the end. Tests: `super::bright_tests`.
 
-use super::bright::BrightStars;
-use super::bright_star::BrightStar;
 use super::crossmatch::{Crossmatch, ReferenceStar, Rule};
+use super::{bright::BrightStars, bright_star::BrightStar};
 use stars::layer::{LayerError, Sorting};
 use std::collections::HashSet;
 

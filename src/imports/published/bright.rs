@@ -3,16 +3,12 @@
 //! A file is known by its lines: `hip2.dat` has fixed columns, `tyc2.dat` 32 parts between bars, `suppl_1.dat` 18; any
 //! may be packed with gzip. All stars are held in memory, at most [`MOST_BRIGHT`].
 
-use super::bright_star::BrightStar;
-use super::error::ImportError;
-use super::lines::Lines;
-use super::star_line::Line;
+use super::{bright_star::BrightStar, error::ImportError, lines::Lines, star_line::Line};
 use super::{hipparcos, tycho};
 use base::input_file::InputFile;
 use flate2::read::MultiGzDecoder;
-use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
-use std::path::Path;
+use std::{collections::BTreeMap, path::Path};
 
 /// Most stars held in memory, some 300 MB: Hipparcos and Tycho-2 have 2.7 million.
 pub const MOST_BRIGHT: usize = 3_000_000;

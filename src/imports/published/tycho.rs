@@ -7,13 +7,8 @@
 //! J1991.25; where it has Hp (flag `H`), it replaces VT. Its second supplement, of doubtful stars, is not read. Tests:
 //! `super::bright_tests`.
 
-use super::bands::of_tycho;
-use super::bright_star::BrightStar;
-use super::crossmatch::tolerance_mag;
-use super::error::ImportError;
-use super::star_line::Line;
-use base::source::direction_from_ra_dec;
-use base::units::DEG;
+use super::{bands::of_tycho, bright_star::BrightStar, crossmatch::tolerance_mag, error::ImportError, star_line::Line};
+use base::{source::direction_from_ra_dec, units::DEG};
 use stars::numbering::TYCHO_NUMBERS;
 
 /// Parts of a line of `tyc2.dat`.

@@ -5,8 +5,7 @@
 
 use super::density::{BRIGHTEST_MAG, Density, FAINTEST_MAG};
 use super::star::{LayerDraw, SPHERE_DEG2};
-use base::random::key;
-use base::source::direction_from_ra_dec;
+use base::{random::key, source::direction_from_ra_dec};
 use glam::DVec3;
 use rayon::prelude::*;
 use stars::cover::CIRCLE;
@@ -14,8 +13,7 @@ use stars::layer::{
     Head, LayerError, LayerReport, LayerWriter, NewStar, StarRecord, UnnamedLayer, layer_name, order_for, tile_records,
     tiles_of,
 };
-use std::fs;
-use std::path::Path;
+use std::{fs, path::Path};
 
 /// Epoch of the positions, Julian year.
 const EPOCH_YR: f64 = 2016.0;

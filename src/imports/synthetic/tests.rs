@@ -1,9 +1,7 @@
 //! Numbers of made-up stars against the table that they follow; seeds; the files.
 
-use super::density::Density;
-use super::*;
-use base::source::CatalogSource;
-use base::units::DEG;
+use super::{density::Density, *};
+use base::{source::CatalogSource, units::DEG};
 use core::f64::consts::PI;
 use glam::DVec3;
 use stars::galactic::galactic_rad;

@@ -6,8 +6,7 @@
 
 use super::{CapturedPacket, Direction};
 use crate::Packet;
-use base::time::Tai;
-use base::units::NS_PER_S;
+use base::{time::Tai, units::NS_PER_S};
 use firmware_protocol::can::{CanFrame, CanId};
 use std::io::Write;
 

@@ -1,7 +1,6 @@
 //! Check of the filters: each end of a bus receives only the messages of the other side of its node.
 
-use super::Check;
-use super::suite::PATIENCE;
+use super::{Check, suite::PATIENCE};
 use crate::socketcan::Receives;
 use crate::{Link, LinkError, Packet};
 use base::clock::Clock;

@@ -3,9 +3,8 @@
 use super::suite::{PATIENCE, Suite};
 use crate::plain::{PlainRecord, PlainReject};
 use crate::{Datagram, Input, Packet, Port, WireFormat};
-use firmware_protocol::Message;
-use firmware_protocol::can::IdMap;
 use firmware_protocol::message::{AttitudeFlags, AttitudeRecord};
+use firmware_protocol::{Message, can::IdMap};
 
 /// Numbers of the default layout.
 const NUMBERS: usize = 8;

@@ -1,8 +1,7 @@
 //! The inputs of every check of the suite.
 
 use crate::{Link, LinkError, WireFormat};
-use base::clock::Clock;
-use base::time::Span;
+use base::{clock::Clock, time::Span};
 use std::sync::Arc;
 
 /// Two connected ends.

@@ -9,8 +9,7 @@
 use base::time::{Span, Tai};
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use rustix::net::sockopt;
-use std::os::fd::AsFd;
-use std::time::Duration;
+use std::{os::fd::AsFd, time::Duration};
 
 /// Malformed lines before the first valid one at which a connection is closed.
 pub const MALFORMED_MAX: u32 = 8;

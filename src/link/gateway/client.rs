@@ -10,10 +10,9 @@
 //! another protocol, or sends too many malformed lines, is hung up on for good: nothing of what it sent afterwards is
 //! obeyed.
 
-use super::admission::Admission;
 use super::counters::{CountsIfLost, Tally};
 use super::outgoing::{Flow, Outgoing};
-use super::screen::Screen;
+use super::{admission::Admission, screen::Screen};
 use crate::simulated::{ErrorState, SimulatedLink};
 use crate::{Link, Packet, Stamped};
 use base::clock::Clock;
@@ -21,10 +20,7 @@ use base::time::{Span, Tai};
 use core::sync::atomic::{AtomicBool, AtomicI64, Ordering};
 use firmware_protocol::can::CanFrame;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
-use rustix::event;
-use rustix::io::Errno;
-use rustix::net::Shutdown;
-use rustix::termios::QueueSelector;
+use rustix::{event, io::Errno, net::Shutdown, termios::QueueSelector};
 use std::os::fd::{AsFd, OwnedFd};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::thread::JoinHandle;

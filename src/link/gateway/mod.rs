@@ -32,19 +32,15 @@ mod tcp;
 #[cfg(test)]
 mod tests;
 
-use crate::LinkError;
-use crate::simulated::SimulatedBus;
-use base::clock::Clock;
-use base::time::Span;
+use crate::{LinkError, simulated::SimulatedBus};
+use base::{clock::Clock, time::Span};
 use client::{Dialogue, Scribe};
 use core::sync::atomic::{AtomicBool, Ordering};
 use counters::Tally;
 use pty::Pty;
 use refusal::system;
-use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::thread::JoinHandle;
+use std::{net::SocketAddr, sync::Arc, thread::JoinHandle};
 use tcp::{Hall, Protocol};
 
 pub use address::{GatewayAddress, NoTcpAddress, TcpAddress};

@@ -3,23 +3,16 @@
 //! The link of a run that was killed is replaced by the next run's; that of a run that goes on is not.
 
 use super::client::{ClientParts, OnStall, serve};
-use super::counters::Tally;
-use super::refusal::system;
-use super::slcan;
-use crate::LinkError;
-use crate::serial::PseudoTerminal;
-use crate::simulated::SimulatedBus;
-use base::clock::Clock;
-use base::time::Span;
+use super::{counters::Tally, refusal::system, slcan};
+use crate::{LinkError, serial::PseudoTerminal, simulated::SimulatedBus};
+use base::{clock::Clock, time::Span};
 use core::sync::atomic::{AtomicBool, Ordering};
 use nix::fcntl::{FcntlArg, fcntl};
 use nix::libc;
 use rustix::fs::{Mode, OFlags};
 use rustix::io::Errno;
-use std::os::fd::OwnedFd;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::thread::JoinHandle;
+use std::{os::fd::OwnedFd, sync::Arc, thread::JoinHandle};
 
 const NAME: &str = "PTY";
 /// Folder in which the system puts PTYs.

@@ -7,17 +7,13 @@ use super::admission::{Admission, GRACE, keep_alive};
 use super::client::{Client, ClientParts, Dialogue, LOOK_MS, OnStall, Scribe, Served, is_readable, serve};
 use super::counters::{CountsIfLost, Tally};
 use super::refusal::system;
-use crate::LinkError;
-use crate::simulated::SimulatedBus;
-use base::clock::Clock;
-use base::time::Span;
+use crate::{LinkError, simulated::SimulatedBus};
+use base::{clock::Clock, time::Span};
 use core::sync::atomic::{AtomicBool, Ordering};
 use nix::sys::socket::{setsockopt, sockopt};
 use std::io::{Read, Write};
 use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
-use std::sync::Arc;
-use std::thread::JoinHandle;
-use std::time::Duration;
+use std::{sync::Arc, thread::JoinHandle, time::Duration};
 
 /// Bytes that the system may hold for a client: frames that wait longer are worth nothing to it.
 const KERNEL_BYTES: usize = 64 * 1024;

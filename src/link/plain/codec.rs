@@ -1,9 +1,8 @@
 //! Packets -> records, with the state from one to the next; and back.
 
-use super::forty_two::FortyTwo;
 use super::layout::{Encoding, PlainLayout};
-use super::sequence::Sequence;
 use super::{PlainRecord, PlainReject, PlainRejectCounters, RefusedMessage, numbers};
+use super::{forty_two::FortyTwo, sequence::Sequence};
 use crate::Datagram;
 
 /// Reads and writes the plain messages of one link.

@@ -11,8 +11,7 @@
 
 use super::layout::TimeMeaning;
 use super::{PlainAttitude, PlainRecord, PlainReject, PlainState, PlainTime};
-use base::axes::WRITTEN_NORM_TOLERANCE;
-use base::units::METRE_KM;
+use base::{axes::WRITTEN_NORM_TOLERANCE, units::METRE_KM};
 
 /// The last line of a message, and that of a message before 2024.
 const ENDS_OF_MESSAGE: [&[u8]; 2] = [b"[ENDMSG]", b"[EOF]"];

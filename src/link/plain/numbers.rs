@@ -1,8 +1,7 @@
 //! Bytes of one message -> its values, by form; and back. Reading packed numbers allocates nothing.
 
-use super::PlainReject;
-use super::field::Field;
 use super::layout::{Encoding, PlainLayout, Values};
+use super::{PlainReject, field::Field};
 use core::fmt::Write;
 use serde_json::{Map, Value};
 

@@ -5,13 +5,11 @@ use super::unmark::Unmark;
 use super::{DELIMITER, PseudoTerminal, RETRY, SerialParams};
 use crate::readiness::{Readiness, wait_for};
 use crate::{CHUNK_MAX, Link, LinkCounters, LinkError, Packet, SerialChunk, Stamped};
-use base::clock::Clock;
 use base::time::{Span, Tai};
-use base::units::NS_PER_S;
+use base::{clock::Clock, units::NS_PER_S};
 use rustix::io::Errno;
-use std::io;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
-use std::sync::Arc;
+use std::{io, sync::Arc};
 
 /// The shortest limit of a write, whatever the baud rate: a wake-up may take this long.
 const WRITE_LIMIT_MIN: Span = Span::from_ms(2);

@@ -1,7 +1,6 @@
 //! Path of a port -> an open port with its settings, for this program alone, or the reason and advice.
 
-use super::SerialParams;
-use super::settings::apply;
+use super::{SerialParams, settings::apply};
 use crate::LinkError;
 use rustix::fs::{FlockOperation, Mode, OFlags, flock, open};
 use rustix::io::Errno;

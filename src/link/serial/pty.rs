@@ -5,10 +5,9 @@
 use crate::LinkError;
 use rustix::fs::{Mode, OFlags, fcntl_setfl, open};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
-use std::ffi::OsString;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
-use std::os::unix::ffi::OsStringExt;
 use std::path::{Path, PathBuf};
+use std::{ffi::OsString, os::unix::ffi::OsStringExt};
 
 /// The master's side of a pseudo terminal. Dropping it unplugs the program that has opened [`Self::path`].
 #[derive(Debug)]

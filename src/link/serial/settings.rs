@@ -2,8 +2,7 @@
 
 use super::{FlowControl, Parity, SerialParams, StopBits};
 use rustix::termios::{ControlModes, InputModes, OptionalActions, Termios, tcgetattr, tcsetattr};
-use std::io;
-use std::os::fd::BorrowedFd;
+use std::{io, os::fd::BorrowedFd};
 
 /// Both ends of an asynchronous line tolerate together 5 % in the last bit of a byte: 2 % is each end's share, with a
 /// margin.

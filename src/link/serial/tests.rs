@@ -4,8 +4,7 @@ use super::*;
 use crate::{CHUNK_MAX, Link, LinkError, Packet, SerialChunk};
 use base::clock::{Clock, Monotonic};
 use base::time::{Span, Tai};
-use std::path::Path;
-use std::sync::Arc;
+use std::{path::Path, sync::Arc};
 
 fn clock() -> Arc<dyn Clock> {
     Arc::new(Monotonic::start())

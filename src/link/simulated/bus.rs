@@ -1,9 +1,7 @@
 //! The bus, its ends, and the waiting of their threads.
 
-use super::error_counters::ErrorCounters;
-use super::medium::Medium;
 use super::params::{BusModel, BusParams};
-use super::statistics::BusStatistics;
+use super::{error_counters::ErrorCounters, medium::Medium, statistics::BusStatistics};
 use crate::{Departure, Link, LinkCounters, LinkError, Packet, Stamped};
 use base::clock::Clock;
 use base::time::{Span, Tai};

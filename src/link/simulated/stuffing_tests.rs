@@ -153,8 +153,7 @@ fn counts_made_by_hand() {
 
 #[test]
 fn exact_frames_are_shorter_on_the_wire() {
-    use crate::Packet;
-    use crate::simulated::BusTiming;
+    use crate::{Packet, simulated::BusTiming};
     use base::time::Span;
     let bus = BusTiming::CanClassic { bit_rate_bps: 500_000 };
     let frame = Packet::Can(CanFrame::classic(0, &[]).unwrap());

@@ -5,8 +5,7 @@
 
 use super::stuffing::{self, Stuffing};
 use crate::Packet;
-use base::time::Span;
-use base::units::NS_PER_S;
+use base::{time::Span, units::NS_PER_S};
 use firmware_protocol::can::CanFrame;
 
 /// Kind and speed of the wire.

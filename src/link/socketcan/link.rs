@@ -1,17 +1,15 @@
 //! `Link` over one CAN interface: waits, stamps, counts, survives the loss of the interface.
 
-use super::hardware_clock::HardwareClock;
-use super::raw_frame::RawFrame;
 use super::socket::{Received, Socket};
 use super::{RETRY, SocketCanParams};
+use super::{hardware_clock::HardwareClock, raw_frame::RawFrame};
 use crate::kernel_stamp::StampMap;
 use crate::{Link, LinkCounters, LinkError, Packet, Stamped};
 use base::clock::{Clock, PairedReading};
 use base::time::Tai;
 use firmware_protocol::can::CanFrame;
 use nix::errno::Errno;
-use std::io;
-use std::sync::Arc;
+use std::{io, sync::Arc};
 
 /// Error frames read in a row before the limit is looked at again: a storm of them ends no wait late.
 const REPORTS_MAX: u32 = 64;

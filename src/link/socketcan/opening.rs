@@ -1,8 +1,6 @@
 //! Name of an interface -> a bound socket with every option set, or the reason and advice.
 
-use super::SocketCanParams;
-use super::filters::filters;
-use super::raw_frame::FD_BYTES;
+use super::{SocketCanParams, filters::filters, raw_frame::FD_BYTES};
 use crate::LinkError;
 use nix::sys::socket::sockopt::{RcvBuf, RcvBufForce, RxqOvfl, SocketError, Timestamping};
 use nix::sys::socket::{

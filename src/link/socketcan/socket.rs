@@ -1,8 +1,7 @@
 //! One raw socket: frames with the kernel's stamps and its count of drops.
 
-use super::SocketCanParams;
-use super::opening::open;
 use super::raw_frame::{self, FD_BYTES, RawFrame};
+use super::{SocketCanParams, opening::open};
 use crate::LinkError;
 use crate::readiness::{Readiness, wait_for};
 use base::time::Span;

@@ -1,9 +1,8 @@
 //! Byte layouts, filters and error frames, compared with the socketcan crate's own types and with bytes made by hand.
 
-use super::errors::ErrorReport;
 use super::filters::{Receives, filters};
 use super::raw_frame::{CLASSIC_BYTES, FD_BYTES, RawFrame, read, write};
-use super::*;
+use super::{errors::ErrorReport, *};
 use crate::LinkError;
 use base::clock::{Clock, Monotonic};
 use firmware_protocol::MessageId;

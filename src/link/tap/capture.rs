@@ -9,14 +9,10 @@
 
 use crate::capture::{CaptureError, CaptureFormat, CaptureWriter, CapturedPacket, Direction};
 use crate::{Departure, Link, LinkCounters, LinkError, Packet, Stamped};
-use base::patience;
-use base::time::Tai;
-use base::writer_queue::WriterQueue;
+use base::{patience, time::Tai, writer_queue::WriterQueue};
 use core::sync::atomic::{AtomicU64, Ordering};
 use crossbeam_channel::Receiver;
-use std::io::Write;
-use std::sync::Arc;
-use std::thread::JoinHandle;
+use std::{io::Write, sync::Arc, thread::JoinHandle};
 
 /// Packets between a tap and the writer: 5 s of a full 1 Mbit/s bus of short frames.
 const QUEUE_PACKETS: usize = 65_536;

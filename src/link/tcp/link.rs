@@ -9,11 +9,9 @@ use crate::readiness::wait_for_any;
 use crate::{Datagram, Link, LinkCounters, LinkError, Packet, Stamped};
 use base::clock::Clock;
 use base::time::{Span, Tai};
-use std::io;
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::os::fd::{AsFd, BorrowedFd};
-use std::sync::Arc;
-use std::time::Duration;
+use std::{io, sync::Arc, time::Duration};
 
 /// Bytes of one read.
 const READ_BYTES: usize = 4096;

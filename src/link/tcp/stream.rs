@@ -5,8 +5,7 @@ use base::time::Span;
 use nix::sys::socket::setsockopt;
 use nix::sys::socket::sockopt::{KeepAlive, TcpKeepCount, TcpKeepIdle, TcpKeepInterval};
 use std::io::{self, ErrorKind, Read, Write};
-use std::net::TcpStream;
-use std::os::fd::AsFd;
+use std::{net::TcpStream, os::fd::AsFd};
 
 /// A client that reads nothing for this long is given up.
 const WRITE_LIMIT: Span = Span::from_ms(50);

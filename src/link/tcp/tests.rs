@@ -1,15 +1,13 @@
 //! Borders of messages in a stream, one client at a time, connections that are lost, the answer of 42's receiver.
 
-use super::framing::Reassembly;
-use super::*;
+use super::{framing::Reassembly, *};
 use crate::{DATAGRAM_MAX, Link, LinkCounters, Packet};
 use base::clock::{Clock, Monotonic};
 use base::time::Span;
 use proptest::prelude::*;
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
-use std::sync::Arc;
-use std::time::Duration;
+use std::{sync::Arc, time::Duration};
 
 const LOOPBACK: &str = "127.0.0.1:0";
 

@@ -6,9 +6,7 @@ use crate::kernel_stamp::StampMap;
 use crate::{Link, LinkCounters, LinkError, Packet, Stamped};
 use base::clock::{Clock, PairedReading};
 use base::time::Tai;
-use std::io;
-use std::net::SocketAddr;
-use std::sync::Arc;
+use std::{io, net::SocketAddr, sync::Arc};
 
 /// Refused datagrams read in a row before the limit is looked at again.
 const REFUSED_MAX: u32 = 64;

@@ -4,8 +4,7 @@ use super::*;
 use crate::{DATAGRAM_MAX, Link, LinkCounters};
 use base::clock::{Clock, Monotonic};
 use base::time::Span;
-use std::net::UdpSocket;
-use std::sync::Arc;
+use std::{net::UdpSocket, sync::Arc};
 
 struct Bench {
     clock: Arc<dyn Clock>,

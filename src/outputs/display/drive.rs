@@ -8,10 +8,7 @@
 //! linearly: a display driven as if grey were luminance moves a star by more than 1/10 px (test). After `new` nothing
 //! is allocated. Tests below; `tests/physics/display_calibration` by a simulated tracker.
 
-use super::dither::Dither;
-use super::flat_field::FlatField;
-use super::luminance_code;
-use super::response::Response;
+use super::{dither::Dither, flat_field::FlatField, luminance_code, response::Response};
 
 /// Entries of the table that finds the grey to begin with.
 const ENTRIES: usize = 8192;

@@ -8,8 +8,7 @@
 //! of each submit time that a run or `starloop display flip` kept. Input: CSV with `submit_s,edge_s`, one row a flip,
 //! seconds of one clock; no edge: leave `edge_s` empty. Tests below.
 
-use base::least_squares::median;
-use base::time::Span;
+use base::{least_squares::median, time::Span};
 use serde::{Deserialize, Serialize};
 use std::io::Read;
 

@@ -1,7 +1,6 @@
 //! The parameters of a display.
 
-use crate::display::marker::Marker;
-use crate::display::monitor::MonitorChoice;
+use crate::display::{marker::Marker, monitor::MonitorChoice};
 use base::time::Span;
 use std::path::PathBuf;
 

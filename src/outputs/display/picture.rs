@@ -45,8 +45,7 @@ impl Picture {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::display::grey::GreyTable;
-    use crate::display::marker::Corner;
+    use crate::display::{grey::GreyTable, marker::Corner};
 
     #[test]
     fn each_pixel_has_the_grey_of_its_luminance_save_under_the_marker() {

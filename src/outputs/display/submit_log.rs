@@ -6,13 +6,11 @@
 //! counted. `starloop display latency` reads that of `starloop display flip` beside the edges that a photodiode saw.
 //! Tests below.
 
-use crate::display::error::DisplayError;
-use crate::display::submitted::Submitted;
+use crate::display::{error::DisplayError, submitted::Submitted};
 use base::time::{Span, Tai};
 use serde::{Deserialize, Serialize};
-use std::fs::File;
-use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::{fs::File, io::Write};
 
 /// Name of the file in the directory of a run.
 pub const SUBMITS: &str = "submits.csv";

@@ -1,17 +1,13 @@
 //! The display of a build without the feature `display`: none can be opened, and the error says how to build it.
 
-use crate::display::counters::Counts;
-use crate::display::error::DisplayError;
-use crate::display::grey::GreyMaker;
-use crate::display::monitor::MonitorFacts;
-use crate::display::params::Params;
-use crate::display::submitted::Submitted;
+use crate::display::{
+    counters::Counts, error::DisplayError, grey::GreyMaker, monitor::MonitorFacts, params::Params, submitted::Submitted,
+};
 use base::clock::Clock;
 use core::convert::Infallible;
 use crossbeam_channel::Receiver;
 use frames::sink::{SentFrame, Sink, SinkError, SinkSummary};
-use std::path::Path;
-use std::sync::Arc;
+use std::{path::Path, sync::Arc};
 
 /// A monitor that shows frames. This build has none.
 #[derive(Debug)]

@@ -3,10 +3,8 @@
 //! One owner, the view's thread. An encoding is kept and answers all requests for the same; the next one, of any head,
 //! waits until three times its duration have passed, so that drawing keeps the cores however often clients ask.
 
-use crate::live::Params;
 use crate::live::head::{Encoded, Head};
-use crate::live::numbers::Reported;
-use crate::live::picture::Scale;
+use crate::live::{Params, numbers::Reported, picture::Scale};
 use base::clock::Clock;
 use base::time::{Span, Tai};
 use crossbeam_channel::Receiver;

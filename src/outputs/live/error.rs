@@ -1,7 +1,6 @@
 //! Errors of the live view.
 
-use std::io;
-use std::net::SocketAddr;
+use std::{io, net::SocketAddr};
 
 /// A live view that could not be started.
 #[derive(Debug, thiserror::Error)]

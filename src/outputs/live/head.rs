@@ -3,10 +3,9 @@
 //! One owner, the view's thread. What a browser draws over a picture belongs to that picture, so the last encoded
 //! frames are kept with their stars. Tests: `http_tests`, with three heads.
 
-use crate::live::HeadParams;
-use crate::live::kept::Kept;
 use crate::live::latest::{Picture, Reader};
 use crate::live::picture::{Scale, png_of};
+use crate::live::{HeadParams, kept::Kept};
 use hyper::body::Bytes;
 
 /// A picture as it goes out.

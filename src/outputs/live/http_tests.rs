@@ -4,13 +4,10 @@ use crate::live::view::tests::{head, params, params_of_three};
 use crate::live::{CLIENTS_MAX, HeadParams, LiveSink, LiveView, Numbers, Params};
 use base::clock::{Clock, Monotonic};
 use base::image::DnImage;
-use frames::report::RunNumbers;
-use frames::sink::sample::sample_frame;
 use frames::sink::{SentFrame, Sink};
+use frames::{report::RunNumbers, sink::sample::sample_frame};
 use std::io::{ErrorKind, Read, Write};
-use std::net::TcpStream;
-use std::sync::Arc;
-use std::time::Duration;
+use std::{net::TcpStream, sync::Arc, time::Duration};
 
 /// Time without an answer after which a test treats the server as hung.
 const HANGS: Duration = Duration::from_secs(30);

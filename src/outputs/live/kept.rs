@@ -4,9 +4,7 @@
 //! [`KEPT_BYTES`] of pixels for all heads together, [`KEPT_MAX`] frames of a head at most, [`KEPT_LEAST`] in any case;
 //! the oldest frame's memory is used for the newest. Tests: below, and `http_tests`.
 
-use crate::live::frame::frame_of;
-use crate::live::latest::Picture;
-use crate::live::truth::truth_of;
+use crate::live::{frame::frame_of, latest::Picture, truth::truth_of};
 use base::image::DnImage;
 use frames::sink::Wcs;
 use hyper::body::Bytes;

@@ -4,9 +4,7 @@
 //! once, before its samples. Histograms are cumulative, with `+Inf`. `hil_scripts/test_live.py` reads it with
 //! Prometheus's own parser; the forms of numbers and labels are tested below.
 
-use crate::live::HeadParams;
-use crate::live::board::Board;
-use crate::live::latest::Picture;
+use crate::live::{HeadParams, board::Board, latest::Picture};
 use core::fmt::{Display, Write};
 use frames::report::{RunNumbers, Stage};
 use frames::sink::{FaultFlags, SentFrame};
@@ -259,8 +257,7 @@ mod tests {
     use crate::live::view::tests::{board, board_of, params_of_three};
     use base::time::Span;
     use frames::report::{NamedCounts, PortCounts};
-    use frames::sink::Sink;
-    use frames::sink::sample::sample_frame;
+    use frames::sink::{Sink, sample::sample_frame};
 
     #[test]
     fn every_family_is_described_once_before_its_samples() {

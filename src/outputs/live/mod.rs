@@ -51,8 +51,7 @@ pub use sink::LiveSink;
 pub use view::{LINGER, LiveView};
 
 use frames::report::Stage;
-use std::net::SocketAddr;
-use std::sync::Arc;
+use std::{net::SocketAddr, sync::Arc};
 
 /// The parameters of the page.
 #[derive(Debug, Clone, PartialEq)]

@@ -11,8 +11,7 @@
 //! sigma: median less the 15.87 % quantile, at least 1 DN. Only for people. Tests: below.
 
 use base::image::DnImage;
-use frames::sink::png::write_grey8;
-use frames::sink::stretch::Stretch;
+use frames::sink::{png::write_grey8, stretch::Stretch};
 use std::io;
 
 /// Quantile one standard deviation below the mean of a normal distribution.

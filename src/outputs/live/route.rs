@@ -15,18 +15,15 @@
 //! only requests by its address or a known name are answered. Tests: `http_tests`.
 
 use crate::live::board::{Board, NoPicture};
-use crate::live::head::Encoded;
-use crate::live::pixel::pixel_of;
 use crate::live::query::{BadQuery, PictureQuery};
 use crate::live::{Params, metrics, query, state};
+use crate::live::{head::Encoded, pixel::pixel_of};
 use http_body_util::Full;
-use hyper::body::Bytes;
 use hyper::header::{ALLOW, CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, HOST, HeaderValue, RETRY_AFTER};
-use hyper::http::request::Parts;
 use hyper::{Method, Response, StatusCode};
-use std::net::IpAddr;
+use hyper::{body::Bytes, http::request::Parts};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::{net::IpAddr, time::Duration};
 
 /// The board, for the tasks of one thread; never locked across a wait.
 pub(super) type SharedBoard = Arc<Mutex<Board>>;

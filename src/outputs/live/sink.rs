@@ -4,8 +4,7 @@
 //! frame into a buffer that is there already (a frame of another size takes a new one, once) and waits for no client.
 //! Tests: the compliance suite of sinks, and below.
 
-use crate::live::lateness::LatenessBins;
-use crate::live::latest::Writer;
+use crate::live::{lateness::LatenessBins, latest::Writer};
 use base::clock::Clock;
 use frames::sink::{NullSink, SentFrame, Sink, SinkError, SinkSummary};
 use std::sync::Arc;
@@ -78,10 +77,8 @@ impl Drop for LiveSink {
 mod tests {
     use super::*;
     use crate::live::latest::{Picture, Reader, latest};
-    use base::clock::Virtual;
-    use base::time::Tai;
-    use frames::sink::compliance::check_sink;
-    use frames::sink::sample::sample_frame;
+    use base::{clock::Virtual, time::Tai};
+    use frames::sink::{compliance::check_sink, sample::sample_frame};
 
     fn view(size_px: [usize; 2]) -> (LiveSink, Reader) {
         let frame = SentFrame::with_capacity(size_px[0], size_px[1], 4, "camera".into());

@@ -4,10 +4,7 @@
 //! The facts of a frame are those of [`frames::sink::facts`]. Keys carry their unit; unknown values are `null`. Times
 //! are UTC: of the frame by the run's clock, of its arrival by the view's. Test: below.
 
-use crate::live::board::Board;
-use crate::live::frame::frame_of;
-use crate::live::head::Head;
-use crate::live::latest::Picture;
+use crate::live::{board::Board, frame::frame_of, head::Head, latest::Picture};
 use base::time::Tai;
 use frames::report::{NamedCounts, NewestEvent, RunNumbers, Stage, TimeTally};
 use serde_json::{Map, Value, json};

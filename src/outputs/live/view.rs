@@ -1,21 +1,14 @@
 //! The view from its start to its end.
 
-use crate::live::board::Board;
-use crate::live::head::Head;
-use crate::live::lateness::LatenessBins;
 use crate::live::latest::{Picture, latest};
-use crate::live::numbers::Numbers;
 use crate::live::route::{SharedBoard, lock};
-use crate::live::server::serve;
-use crate::live::sink::LiveSink;
 use crate::live::{HeadParams, LiveError, Params};
-use base::clock::Clock;
-use base::time::Span;
+use crate::live::{board::Board, head::Head, lateness::LatenessBins, numbers::Numbers, server::serve, sink::LiveSink};
+use base::{clock::Clock, time::Span};
 use frames::sink::SentFrame;
 use std::net::{SocketAddr, TcpListener};
 use std::sync::{Arc, Mutex};
-use std::thread::JoinHandle;
-use std::time::Duration;
+use std::{thread::JoinHandle, time::Duration};
 use tokio::sync::Notify;
 
 /// After the end of a run its totals are served for so long, so that pages and Prometheus see that it is over.
@@ -121,8 +114,7 @@ fn head_and_sink(params: &HeadParams, heads: usize, clock: &Arc<dyn Clock>) -> (
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use base::clock::Virtual;
-    use base::time::Tai;
+    use base::{clock::Virtual, time::Tai};
 
     /// A view of small frames on a port of its own.
     pub(in crate::live) fn params() -> Params {

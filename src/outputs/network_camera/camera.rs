@@ -1,26 +1,20 @@
 //! The camera as a sink: `send` copies a frame that is wanted into a free slot, or counts why not, and returns.
 
-use crate::network_camera::acquisition::Turn;
-use crate::network_camera::counters::Counters;
-use crate::network_camera::device::Device;
-use crate::network_camera::error::NetworkCameraError;
 use crate::network_camera::interface::{self, Interface};
-use crate::network_camera::listener::Listener;
 use crate::network_camera::packets::{Outlet, TestOutlet};
 use crate::network_camera::params::{CommandParams, DeviceParams, Params, SensorParams};
-use crate::network_camera::ptp::PtpClient;
-use crate::network_camera::shared::Shared;
-use crate::network_camera::slots::Slot;
 use crate::network_camera::stream::{Kept, Stream};
+use crate::network_camera::{
+    acquisition::Turn, counters::Counters, device::Device, error::NetworkCameraError, listener::Listener,
+    ptp::PtpClient, shared::Shared, slots::Slot,
+};
 use base::clock::{Clock, Monotonic};
 use base::time::Span;
 use crossbeam_channel::{Receiver, Sender, bounded};
 use frames::sink::crc32::{RunCrc32, pixel_crc32};
 use frames::sink::{Loss, LossKind, SentFrame, Sink, SinkError, SinkSummary};
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
-use std::path::PathBuf;
-use std::sync::Arc;
-use std::thread::JoinHandle;
+use std::{path::PathBuf, sync::Arc, thread::JoinHandle};
 
 /// Requests to send again that may wait.
 const ASKS_QUEUED: usize = 256;

@@ -5,8 +5,7 @@
 //! blocks others no longer than that. A controller whose address is not proven gives way to a client whose address is,
 //! and after [`UNPROVEN_FOR`] to any other: a forged datagram keeps no client out. Time is an argument.
 
-use crate::network_camera::gvcp::Status;
-use crate::network_camera::proof::Proof;
+use crate::network_camera::{gvcp::Status, proof::Proof};
 use base::time::{Span, Tai};
 use std::net::SocketAddrV4;
 

@@ -32,17 +32,14 @@ use crate::network_camera::first_values::{
 };
 use crate::network_camera::gvcp::{self, Action, Command, Malformed, Resend, Status};
 use crate::network_camera::gvsp::{IP_UDP_BYTES, StreamSettings};
-use crate::network_camera::messages::Messages;
 use crate::network_camera::params::{CommandParams, DeviceParams, PACKET_BYTES_MIN, Params, SensorParams, XmlForm};
-use crate::network_camera::pixel_format::PixelFormat;
-use crate::network_camera::proof::Proof;
 use crate::network_camera::ptp::{DISABLED, PtpData};
-use crate::network_camera::regions::RegionSet;
 use crate::network_camera::registers::{FIRST_XML, Memory, SECOND_XML, at, own};
-use crate::network_camera::repeats::LastChange;
-use crate::network_camera::shared::Shared;
-use crate::network_camera::user_sets::UserSet;
 use crate::network_camera::{chunk, xml};
+use crate::network_camera::{
+    messages::Messages, pixel_format::PixelFormat, proof::Proof, regions::RegionSet, repeats::LastChange,
+    shared::Shared, user_sets::UserSet,
+};
 use base::bayer::BayerPattern;
 use base::time::{Span, Tai};
 use frames::camera_control::Regions;

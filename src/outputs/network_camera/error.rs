@@ -1,7 +1,6 @@
 //! Errors that prevent a camera from coming up on the network.
 
-use std::io;
-use std::net::Ipv4Addr;
+use std::{io, net::Ipv4Addr};
 
 /// A camera that could not be opened.
 #[derive(Debug, thiserror::Error)]

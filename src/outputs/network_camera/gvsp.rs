@@ -7,10 +7,7 @@
 //!
 //! Packet size is the IP datagram's: 20 bytes of IP, 8 of UDP and 8 of GVSP headers are not data.
 
-use crate::network_camera::gvcp::Status;
-use crate::network_camera::pixel_format::PixelFormat;
-use crate::network_camera::regions::stacked_px;
-use crate::network_camera::test_pattern::TestPattern;
+use crate::network_camera::{gvcp::Status, pixel_format::PixelFormat, regions::stacked_px, test_pattern::TestPattern};
 use base::bayer::BayerPattern;
 use frames::camera_control::Regions;
 use std::net::SocketAddrV4;

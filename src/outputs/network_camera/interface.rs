@@ -6,8 +6,10 @@ use crate::network_camera::error::NetworkCameraError;
 use crate::network_camera::params::{PACKET_BYTES_MAX, PACKET_BYTES_MIN};
 use nix::ifaddrs::{InterfaceAddress, getifaddrs};
 use nix::sys::socket::{SockaddrStorage, setsockopt, sockopt};
-use rustix::net::sockopt::{Ipv4PathMtuDiscovery, set_socket_send_buffer_size, set_socket_timeout};
-use rustix::net::sockopt::{set_ip_mtu_discover, set_socket_broadcast, set_socket_reuseaddr};
+use rustix::net::sockopt::{
+    Ipv4PathMtuDiscovery, set_ip_mtu_discover, set_socket_broadcast, set_socket_reuseaddr, set_socket_send_buffer_size,
+    set_socket_timeout,
+};
 use rustix::net::{AddressFamily, SocketType, bind, socket};
 use std::io;
 use std::net::{Ipv4Addr, SocketAddrV4, UdpSocket};

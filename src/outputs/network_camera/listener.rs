@@ -5,16 +5,12 @@
 //! than the stream's receiver. Test packets leave before the answer to their command, no faster than the stream's rate.
 
 use crate::network_camera::device::{Answer, Device};
-use crate::network_camera::gvcp::Resend;
-use crate::network_camera::packets::TestOutlet;
-use crate::network_camera::ptp::PtpClient;
-use crate::network_camera::shared::Shared;
+use crate::network_camera::{gvcp::Resend, packets::TestOutlet, ptp::PtpClient, shared::Shared};
 use base::clock::Clock;
 use crossbeam_channel::Sender;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use std::net::{SocketAddr, SocketAddrV4, UdpSocket};
-use std::os::fd::AsFd;
-use std::sync::Arc;
+use std::{os::fd::AsFd, sync::Arc};
 
 /// Longest wait for a datagram, ms: how soon a silent controller is noticed.
 const LOOK_MS: u16 = 50;

@@ -1,21 +1,16 @@
 //! Packets of a block -> the system, many in one call, at the stream's pace; some lost on purpose when that is asked
 //! for.
 
-use crate::network_camera::counters::Tally;
 use crate::network_camera::gvsp::{Block, HEADER_BYTES, gone};
-use crate::network_camera::pacing::Pace;
-use crate::network_camera::params::PACKET_BYTES_MAX;
-use crate::network_camera::unreachable;
+use crate::network_camera::{counters::Tally, pacing::Pace, params::PACKET_BYTES_MAX, unreachable};
 use base::clock::Clock;
 use base::random::{key, philox};
 use base::time::{Span, Tai};
 use core::ops::Range;
-use rustix::io::Errno;
-use rustix::net::addr::SocketAddrArg;
 use rustix::net::{MMsgHdr, SendAncillaryBuffer, SendFlags, sendmmsg};
-use std::io::IoSlice;
+use rustix::{io::Errno, net::addr::SocketAddrArg};
 use std::net::{SocketAddrV4, UdpSocket};
-use std::sync::Arc;
+use std::{io::IoSlice, sync::Arc};
 
 /// Most packets in one call.
 pub(super) const BATCH: usize = 32;

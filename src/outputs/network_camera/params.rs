@@ -1,13 +1,9 @@
 //! The parameters of a camera before it starts: its place on the network, its names, and the sensor behind it.
 
-use crate::network_camera::error::NetworkCameraError;
-use crate::network_camera::pixel_format::PixelFormat;
-use base::bayer::BayerPattern;
-use base::clock::Clock;
+use crate::network_camera::{error::NetworkCameraError, pixel_format::PixelFormat};
+use base::{bayer::BayerPattern, clock::Clock};
 use frames::camera_control::{CameraDesk, CameraRange, CameraSettings, StartSettings};
-use std::net::Ipv4Addr;
-use std::path::PathBuf;
-use std::sync::Arc;
+use std::{net::Ipv4Addr, path::PathBuf, sync::Arc};
 
 /// Port on which clients look for cameras.
 pub(super) const GVCP_PORT: u16 = 3956;

@@ -16,9 +16,7 @@
 //! `outputs::network_camera::tests`.
 
 use base::time::{Span, Tai};
-use std::collections::hash_map::RandomState;
-use std::hash::BuildHasher;
-use std::net::SocketAddrV4;
+use std::{collections::hash_map::RandomState, hash::BuildHasher, net::SocketAddrV4};
 
 /// Clients whose proof is kept. The controller's is never pushed out.
 const PROVEN_MAX: usize = 16;

@@ -1,9 +1,7 @@
 //! The state that the control side, the stream and the sink share. The one lock is held for a copy of a few words, and
 //! never by the sink.
 
-use crate::network_camera::acquisition::Wanted;
-use crate::network_camera::counters::Tally;
-use crate::network_camera::gvsp::StreamSettings;
+use crate::network_camera::{acquisition::Wanted, counters::Tally, gvsp::StreamSettings};
 use base::time::Tai;
 use core::sync::atomic::{AtomicBool, AtomicI64, AtomicU32, AtomicU64, Ordering};
 use crossbeam_channel::{Receiver, Sender, bounded};

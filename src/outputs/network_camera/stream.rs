@@ -9,20 +9,15 @@
 //! that the sink set: a client cannot delay the end of a run. Every frame and every packet that was requested again is
 //! counted once, by its outcome.
 
-use crate::network_camera::chunk;
-use crate::network_camera::gvcp::Resend;
 use crate::network_camera::gvsp::{Block, StreamSettings, next_id};
-use crate::network_camera::packets::Outlet;
 use crate::network_camera::pixel_format::{PixelFormat, append_regions};
-use crate::network_camera::shared::Shared;
-use crate::network_camera::slots::Slot;
-use crate::network_camera::test_pattern::TestPattern;
+use crate::network_camera::{
+    chunk, gvcp::Resend, packets::Outlet, shared::Shared, slots::Slot, test_pattern::TestPattern,
+};
 use base::time::Span;
 use crossbeam_channel::{Receiver, RecvError, Select, Sender, TryRecvError};
 use frames::sink::LossKind;
-use std::net::SocketAddrV4;
-use std::sync::Arc;
-use std::time::Duration;
+use std::{net::SocketAddrV4, sync::Arc, time::Duration};
 
 /// Packets sent again for one frame, at most, in packets of that frame.
 const RESENT_PER_SENT: u64 = 2;

@@ -2,16 +2,13 @@
 
 use super::*;
 use crate::network_camera::registers::{at, own};
-use base::clock::Monotonic;
-use base::image::DnImage;
+use base::{clock::Monotonic, image::DnImage};
 use core::cell::Cell;
 use core::sync::atomic::{AtomicBool, Ordering};
-use frames::sink::compliance::check_sink;
-use frames::sink::sample::sample_frame;
 use frames::sink::{Loss, LossKind, SentFrame, Sink};
+use frames::sink::{compliance::check_sink, sample::sample_frame};
 use std::net::{Ipv4Addr, UdpSocket};
-use std::sync::Arc;
-use std::time::Duration;
+use std::{sync::Arc, time::Duration};
 
 /// Long enough for any machine.
 const PATIENCE: Duration = Duration::from_secs(20);

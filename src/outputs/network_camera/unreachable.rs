@@ -5,9 +5,8 @@
 //! absent receiver. Proven by `outputs::network_camera::tests`.
 
 use nix::sys::socket::{ControlMessageOwned, MsgFlags, SockaddrIn, recvmsg};
-use std::io::IoSliceMut;
 use std::net::{SocketAddrV4, UdpSocket};
-use std::os::fd::AsRawFd;
+use std::{io::IoSliceMut, os::fd::AsRawFd};
 
 /// `SO_EE_ORIGIN_ICMP` of linux/errqueue.h.
 const ORIGIN_ICMP: u8 = 2;

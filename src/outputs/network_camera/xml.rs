@@ -9,8 +9,7 @@ use crate::network_camera::params::{CommandParams, DeviceParams, Identity, PACKE
 use crate::network_camera::xml_features;
 use base::bayer::BayerPattern;
 use core::fmt::Write;
-use frames::sink::facts::FeatureKind;
-use frames::zip_archive::archive;
+use frames::{sink::facts::FeatureKind, zip_archive::archive};
 
 const TEMPLATE: &str = include_str!("camera.xml");
 /// Settings that clients read.

@@ -1,12 +1,9 @@
 //! Features that are written by program: pixel formats, test patterns, temperature, user sets, events, the PTP clock.
 
 use crate::network_camera::messages::{EVENTS, FRAME_ID_AT, TIMESTAMP_AT};
-use crate::network_camera::pixel_format::PixelFormat;
 use crate::network_camera::ptp::{ACCURACIES, STATES};
-use crate::network_camera::registers::own;
-use crate::network_camera::test_pattern::TestPattern;
-use crate::network_camera::user_sets;
 use crate::network_camera::xml_nodes::{Access, Entry, Feature, Nodes, write_entries};
+use crate::network_camera::{pixel_format::PixelFormat, registers::own, test_pattern::TestPattern, user_sets};
 use base::bayer::BayerPattern;
 use frames::camera_control::REGIONS_MAX;
 

@@ -3,10 +3,8 @@
 use super::plots::plots;
 use super::words::{data_of, measured, missing, number, percent, rule};
 use super::{CaseRow, Report};
-use crate::assess::Assessment;
-use crate::metric::Metric;
-use crate::provenance::FileHash;
 use crate::requirements::{Outcome, Verdict};
+use crate::{assess::Assessment, metric::Metric, provenance::FileHash};
 use core::fmt::Write;
 use frames::report::xml::escaped;
 

@@ -13,13 +13,9 @@ pub use html::to_html;
 pub use junit::to_junit;
 
 use self::words::counted;
-use crate::assess::Assessment;
-use crate::metric::Metric;
-use crate::paperwork::Paperwork;
-use crate::provenance::Provenance;
 use crate::record::{Fate, JudgedCase, Use};
 use crate::requirements::{By, Judgement, Outcome, Verdict};
-use crate::settings::Settings;
+use crate::{assess::Assessment, metric::Metric, paperwork::Paperwork, provenance::Provenance, settings::Settings};
 use anyhow::Result;
 use serde::Serialize;
 use std::collections::BTreeMap;

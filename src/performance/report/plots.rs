@@ -1,10 +1,8 @@
 //! The report's plots: errors in time, across the boresight, their spread, acquisition, and what sweeps did.
 
 use super::Report;
-use crate::assess::Assessment;
-use crate::bandwidth::SINE;
-use crate::metric::Metric;
 use crate::record::{Judged, JudgedCase, Use};
+use crate::{assess::Assessment, bandwidth::SINE, metric::Metric};
 use base::units::ARCSEC;
 use frames::report::plot::{Axis, Scale, Series, Style};
 use frames::report::{Chart, to_svg};

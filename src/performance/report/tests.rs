@@ -1,8 +1,6 @@
 use super::*;
-use crate::assess::assess;
-use crate::record::Case;
-use crate::requirements::Requirements;
 use crate::synthetic::{Dice, Frame, case};
+use crate::{assess::assess, record::Case, requirements::Requirements};
 use glam::DVec3;
 
 fn cases() -> Vec<Case> {

@@ -2,11 +2,8 @@
 //!
 //! Nothing falls back silently: [`PathOrigin`] states the method used, and blank or stop are explicit decisions.
 
-use crate::attitude::error::AttitudeError;
-use crate::attitude::history::AttitudeHistory;
-use crate::attitude::interpolate::interpolate;
-use crate::attitude::los::PathOrigin;
 use crate::attitude::predict::{AttitudeState, held_state, predict};
+use crate::attitude::{error::AttitudeError, history::AttitudeHistory, interpolate::interpolate, los::PathOrigin};
 use base::time::{Span, Tai};
 
 /// Policy for a stopped stream.
@@ -140,8 +137,7 @@ fn beyond(newest: &AttitudeState, at: Tai, limits: &EstimateLimits) -> Estimated
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::attitude::ring::HistoryLimits;
-    use crate::attitude::sample::AttitudeSample;
+    use crate::attitude::{ring::HistoryLimits, sample::AttitudeSample};
     use base::axes::Rotation;
     use glam::DVec3;
 

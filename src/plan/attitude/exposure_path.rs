@@ -5,12 +5,9 @@
 //! `j h^3 / (9 sqrt 3)`, `h` half the exposure, instead of `j h^3 / 6`). The remaining error is added to the track as
 //! knots (see `residual.rs`). The mounting rotates all of it into sensor axes.
 
-use crate::attitude::error::AttitudeError;
 use crate::attitude::estimate::{Decision, EstimateLimits, EstimatedAttitude, decide, state_at};
-use crate::attitude::history::AttitudeHistory;
 use crate::attitude::jitter::{JitterCoverage, JitterHistory};
-use crate::attitude::los::LosPath;
-use crate::attitude::residual;
+use crate::attitude::{error::AttitudeError, history::AttitudeHistory, los::LosPath, residual};
 use base::axes::{Body, Rotation, Sensor};
 use base::time::{Span, Tai};
 use glam::DVec3;

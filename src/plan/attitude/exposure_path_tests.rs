@@ -1,10 +1,8 @@
 //! Tests exposures of analytic motion that is sampled into a history.
 
 use super::*;
-use crate::attitude::estimate::StalePolicy;
 use crate::attitude::los::{JitterPoint, PathOrigin};
-use crate::attitude::ring::HistoryLimits;
-use crate::attitude::sample::AttitudeSample;
+use crate::attitude::{estimate::StalePolicy, ring::HistoryLimits, sample::AttitudeSample};
 use base::axes::Icrf;
 use base::units::{ARCSEC, DEG};
 use core::f64::consts::TAU;

@@ -4,9 +4,8 @@
 //! refused and counted. Replayed sequence numbers are refused earlier, by `firmware_protocol`. The property test
 //! `any_arrival_order_equals_a_sorted_reference` compares it with sorting.
 
-use crate::attitude::error::HistoryReject;
 use crate::attitude::ring::{EpochRing, HistoryCounts, HistoryLimits};
-use crate::attitude::sample::AttitudeSample;
+use crate::attitude::{error::HistoryReject, sample::AttitudeSample};
 use base::time::Tai;
 
 /// Bounded history of attitude samples.
@@ -94,8 +93,7 @@ impl AttitudeHistory {
 mod tests {
     use super::*;
     use crate::attitude::sample::{MOST_ACCELERATION_RAD_S2, MOST_RATE_RAD_S};
-    use base::axes::Rotation;
-    use base::time::Span;
+    use base::{axes::Rotation, time::Span};
     use glam::DVec3;
     use proptest::prelude::*;
 

@@ -14,13 +14,11 @@
 //! do not contain errors of the samples themselves (noise, wire format, time tags): see
 //! [`PredictionErrors`](super::PredictionErrors). *Validation.* `tests/physics/attitude_methods.rs`.
 
-use crate::attitude::error::AttitudeError;
-use crate::attitude::history::AttitudeHistory;
-use crate::attitude::interpolate::interpolate;
-use crate::attitude::method_bound;
-use crate::attitude::motion_scale::MotionScale;
 use crate::attitude::predict::{AttitudeState, held_state, predict};
-use crate::attitude::sample::AttitudeSample;
+use crate::attitude::{
+    error::AttitudeError, history::AttitudeHistory, interpolate::interpolate, method_bound, motion_scale::MotionScale,
+    sample::AttitudeSample,
+};
 use base::time::{Span, Tai};
 use core::fmt;
 

@@ -13,9 +13,7 @@
 //! from those of the rate through Bortz's equation, by majorants (its coefficients replaced by their magnitudes), up
 //! to a turn of 1 rad between samples.
 
-use crate::attitude::interpolate::hermite_error_bound_rad;
-use crate::attitude::motion_scale::MotionScale;
-use crate::attitude::predict::PredictionErrors;
+use crate::attitude::{interpolate::hermite_error_bound_rad, motion_scale::MotionScale, predict::PredictionErrors};
 use glam::DVec3;
 
 /// Phase below which the closed forms lose digits (`cos x - 1 + x^2 / 2` keeps `1e-16 / x^4`) and the leading term of

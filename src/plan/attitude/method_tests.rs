@@ -1,6 +1,5 @@
 use super::*;
-use crate::attitude::motion_scale::Sinusoid;
-use crate::attitude::ring::HistoryLimits;
+use crate::attitude::{motion_scale::Sinusoid, ring::HistoryLimits};
 use base::axes::Rotation;
 use base::units::{ARCSEC, DEG};
 use core::f64::consts::PI;

@@ -1,8 +1,7 @@
 //! One attitude as sent by the flight computer.
 
 use base::axes::{Body, Icrf, Rotation};
-use base::time::Tai;
-use base::units::DEG;
+use base::{time::Tai, units::DEG};
 use glam::DVec3;
 
 /// Attitude, rate and angular acceleration of the body at one instant.

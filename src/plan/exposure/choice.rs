@@ -3,23 +3,18 @@
 mod weighing;
 
 use crate::exposure::cost::{CostModel, Load};
-use crate::exposure::dense::DENSE_RESERVED;
-use crate::exposure::instrument::Instrument;
-use crate::exposure::levels::Degradation;
-use crate::exposure::lists::fill_nodes;
-use crate::exposure::mean_field::MeanField;
 use crate::exposure::method::{Method, MethodChoice, MethodName};
 use crate::exposure::motion::{Motion, Shutter};
-use crate::exposure::node_error::NodeError;
-use crate::exposure::pixel_path::PixelPath;
 use crate::exposure::plan::{Assessment, ExposurePlan, MOTION_SHARE, StarClass, Verdict};
-use crate::exposure::planned_star::PlannedStar;
-use crate::exposure::pose::PathNode;
 use crate::exposure::probes::{Probes, SIDE};
 use crate::exposure::sampling::{ANALYTIC_HALF_PX, SamplingError, drawn_table_error, sampling_error};
 use crate::exposure::trial::{Noise, Trial, TriedError};
 use crate::exposure::weigh::{Scales, ShapeOf, WINDOW_PX, light_share, shear_error, stretch_error};
 use crate::exposure::whole::{self, Wings};
+use crate::exposure::{
+    dense::DENSE_RESERVED, instrument::Instrument, levels::Degradation, lists::fill_nodes, mean_field::MeanField,
+    node_error::NodeError, pixel_path::PixelPath, planned_star::PlannedStar, pose::PathNode,
+};
 use base::accuracy::AccuracyBudget;
 use rayon::prelude::*;
 

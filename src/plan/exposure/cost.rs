@@ -4,9 +4,8 @@
 //! AVX-512 machine (guide, accuracy_and_speed.md); `starloop calibrate` measures those of the present machine. They
 //! order the methods, and are the prediction used by `check` and the degradation levels.
 
-use crate::exposure::method::Method;
 use crate::exposure::sampling::{oversampling, table_images};
-use crate::optics::PsfModel;
+use crate::{exposure::method::Method, optics::PsfModel};
 use serde::{Deserialize, Serialize};
 
 /// Furthest that a path is counted to lead from its middle, px: damaged jitter may turn a star behind the camera.

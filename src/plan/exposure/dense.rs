@@ -2,10 +2,8 @@
 //! after the frame's exposure.
 
 use crate::exposure::line::{self, Merged};
-use crate::exposure::motion::Motion;
 use crate::exposure::nodes::{clamped, pair};
-use crate::exposure::pixel_path::PixelPath;
-use crate::exposure::pose::PathNode;
+use crate::exposure::{motion::Motion, pixel_path::PixelPath, pose::PathNode};
 
 /// Mean distance of dense nodes, share of the PSF's sigma. They come in Gauss-Legendre pairs: variance along a straight
 /// piece is exact, and the characteristic function errs by `(k h)^4 / 270`.

@@ -1,7 +1,6 @@
 //! The instrument as the planner sees it.
 
-use crate::exposure::motion::Shutter;
-use crate::exposure::sampling::PsfSampling;
+use crate::exposure::{motion::Shutter, sampling::PsfSampling};
 use crate::optics::{Illumination, PsfModel};
 use sky::astrometry::CameraGeometry;
 

@@ -5,10 +5,8 @@
 //! covariance as far as they lead straight from their first point to their last. What the covariance lacks is summed up
 //! and returned: the planner adds it to its errors. Tests below.
 
-use crate::exposure::motion::Motion;
 use crate::exposure::nodes::{clamped, pair};
-use crate::exposure::pixel_path::PixelPoint;
-use crate::exposure::pose::PathNode;
+use crate::exposure::{motion::Motion, pixel_path::PixelPoint, pose::PathNode};
 
 /// Largest number of dense nodes of a commanded image path.
 pub const MOST_PATH_NODES: usize = 1 << 18;
@@ -178,12 +176,9 @@ pub fn for_each_segment(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::attitude::LosPath;
     use crate::exposure::moments::{Moments, trace};
-    use crate::exposure::pixel_path::PixelPath;
-    use crate::exposure::pose::SHIFT;
-    use base::axes::Rotation;
-    use base::time::Tai;
+    use crate::{attitude::LosPath, exposure::pixel_path::PixelPath, exposure::pose::SHIFT};
+    use base::{axes::Rotation, time::Tai};
 
     const EXPOSURE_S: f64 = 0.1;
     const STEP_PX: f64 = 0.08;

@@ -1,17 +1,14 @@
 //! Builds the chosen methods' nodes, and assigns a list to each star.
 
-use crate::exposure::correction::Correction;
-use crate::exposure::method::Method;
 use crate::exposure::motion::{Motion, Shutter};
-use crate::exposure::nodes;
-use crate::exposure::place::for_each_star;
 use crate::exposure::plan::{Cell, Drawing, ExposurePlan, NodeList};
-use crate::exposure::planned_star::PlannedStar;
 use crate::exposure::pose::{PathNode, Pose, mean_pose};
 use crate::exposure::probes::{Probes, SIDE};
-use crate::exposure::share::Share;
 use crate::exposure::track::{StarPlace, StarTrack};
-use crate::optics::PsfField;
+use crate::exposure::{
+    correction::Correction, method::Method, place::for_each_star, planned_star::PlannedStar, share::Share,
+};
+use crate::{exposure::nodes, optics::PsfField};
 use sky::astrometry::CameraGeometry;
 use std::sync::Arc;
 

@@ -7,10 +7,8 @@
 
 use crate::exposure::correction::{Correction, quadratic};
 use crate::exposure::motion::{Motion, Shutter};
-use crate::exposure::pose::Pose;
 use crate::exposure::probes::{Probes, SIDE};
-use crate::exposure::track::StarTrack;
-use crate::optics::quadrature::gauss_legendre_node;
+use crate::{exposure::pose::Pose, exposure::track::StarTrack, optics::quadrature::gauss_legendre_node};
 use sky::astrometry::CameraGeometry;
 
 /// Number of midpoints in time for a row's mean pose when there is jitter.

@@ -1,8 +1,7 @@
 //! Motion of the image during one exposure, and the times at which each row of the detector is exposed.
 
-use crate::attitude::LosPath;
 use crate::exposure::pixel_path::{PixelPath, PixelPoint};
-use crate::exposure::pose::Pose;
+use crate::{attitude::LosPath, exposure::pose::Pose};
 use glam::{DQuat, DVec3};
 
 /// How the rows of the detector are exposed.

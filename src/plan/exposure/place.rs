@@ -3,13 +3,12 @@
 //! [`crate::optics::illumination`]). Uses all cores; the order of sources is kept, so a repeated plan is the same for
 //! any number of threads.
 
-use crate::attitude::LosPath;
-use crate::exposure::mean_field::MeanField;
 use crate::exposure::place_block::{BlockPlacer, Margins, STARS};
-use crate::exposure::planned_star::PlannedStar;
 use crate::exposure::source::{Source, SourcePlace};
 use crate::exposure::track::{StarPlace, StarTrack};
-use crate::optics::Illumination;
+use crate::{
+    attitude::LosPath, exposure::mean_field::MeanField, exposure::planned_star::PlannedStar, optics::Illumination,
+};
 use glam::{DVec2, DVec3};
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
@@ -205,9 +204,8 @@ fn place(source: &Source, lit: Lit<'_>, los: &LosPath, means: &MeanField, margin
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::attitude::JitterLine;
     use crate::exposure::motion::{Motion, Shutter};
-    use crate::exposure::probes::Probes;
+    use crate::{attitude::JitterLine, exposure::probes::Probes};
     use base::axes::{Rotation, sensor_from_ra_dec_roll};
     use base::time::Tai;
     use sky::astrometry::{BrownConrady, CameraParameters};

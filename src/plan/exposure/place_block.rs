@@ -3,10 +3,8 @@
 //! Domain: a lens without distortion and one mean pose for all rows (a global shutter, or a still image), where it is
 //! the same arithmetic; otherwise stars are placed one by one. Test: `blocks_place_as_single_stars_do` in `place`.
 
-use crate::attitude::LosPath;
-use crate::exposure::correction::Correction;
-use crate::exposure::mean_field::MeanField;
 use crate::exposure::pose::{Pose, ROLL, SHIFT};
+use crate::{attitude::LosPath, exposure::correction::Correction, exposure::mean_field::MeanField};
 use glam::DVec3;
 use sky::astrometry::CameraGeometry;
 

@@ -1,17 +1,11 @@
 //! The plan of one exposure: plain data that any backend can draw.
 
-use crate::exposure::correction::Correction;
-use crate::exposure::levels::Degradation;
-use crate::exposure::method::Method;
-use crate::exposure::moments::TracePoint;
 use crate::exposure::motion::{Motion, Shutter};
-use crate::exposure::planned_star::PlannedStar;
-use crate::exposure::planned_target::PlannedTarget;
 use crate::exposure::pose::{PathNode, Pose};
-use crate::exposure::sampling::PsfSampling;
-use crate::exposure::smear::SmearField;
-use crate::exposure::track::StarTrack;
-use crate::exposure::whole::WholeStars;
+use crate::exposure::{
+    correction::Correction, levels::Degradation, method::Method, moments::TracePoint, planned_star::PlannedStar,
+    planned_target::PlannedTarget, sampling::PsfSampling, smear::SmearField, track::StarTrack, whole::WholeStars,
+};
 use crate::optics::PsfModel;
 use core::ops::Range;
 use sky::astrometry::CameraGeometry;

@@ -4,27 +4,17 @@
 //! compares the bounds with the reference.
 
 use crate::attitude::LosPath;
-use crate::exposure::choice::Chooser;
-use crate::exposure::cost::CostModel;
-use crate::exposure::cut_off::CutOffCells;
-use crate::exposure::dense;
-use crate::exposure::instrument::Instrument;
-use crate::exposure::levels::Degradation;
-use crate::exposure::lists;
-use crate::exposure::mean_field::MeanField;
 use crate::exposure::method::{Method, MethodChoice};
 use crate::exposure::motion::{Motion, Shutter};
-use crate::exposure::nodes;
 use crate::exposure::place::{Brightness, Lit, place_stars};
-use crate::exposure::place_block::Margins;
 use crate::exposure::plan::{Assessment, CutOff, ExposurePlan, Verdict};
-use crate::exposure::probes::Probes;
-use crate::exposure::share::Share;
-use crate::exposure::smear::SmearField;
-use crate::exposure::source::Source;
-use crate::exposure::target::Target;
-use crate::exposure::target_plan::TargetPlanner;
 use crate::exposure::whole::{self, WholeDomain, WholeStars};
+use crate::exposure::{
+    choice::Chooser, cost::CostModel, cut_off::CutOffCells, instrument::Instrument, levels::Degradation,
+    mean_field::MeanField, place_block::Margins, probes::Probes, share::Share, smear::SmearField, source::Source,
+    target::Target, target_plan::TargetPlanner,
+};
+use crate::exposure::{dense, lists, nodes};
 use base::accuracy::AccuracyBudget;
 
 /// Share of the budget's flux error that footprint truncation may use.

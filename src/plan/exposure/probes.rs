@@ -4,13 +4,12 @@
 //! dense list of poses; for four more, between them, the mean. The nodes of a method are compared with these before any
 //! pixel is drawn. Limits: the motion between probes must be smooth in the field (perspective, a lens).
 
-use crate::exposure::dense;
 use crate::exposure::line::Merged;
 use crate::exposure::moments::{Moments, TracePoint, trace};
 use crate::exposure::motion::{Motion, Shutter};
-use crate::exposure::nodes;
 use crate::exposure::pose::{PathNode, Pose, mean_pose};
 use crate::exposure::track::{StarPlace, StarTrack};
+use crate::exposure::{dense, nodes};
 use core::ops::Range;
 use glam::{DQuat, DVec3};
 use sky::astrometry::CameraGeometry;

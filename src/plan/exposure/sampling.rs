@@ -7,9 +7,7 @@
 
 use crate::exposure::moments::window_sensitivity;
 use crate::optics::{PsfForm, PsfModel, gaussian};
-use core::f64::consts::PI;
-use core::fmt;
-use core::str::FromStr;
+use core::{f64::consts::PI, fmt, str::FromStr};
 
 /// Interpolation error of a tabulated PSF relative to its peak.
 pub const TABLE_ERROR: f64 = 3e-5;

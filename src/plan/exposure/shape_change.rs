@@ -10,9 +10,7 @@
 //! Multiplications and additions are not fused, so all vector levels find the same numbers. Tests: below,
 //! `tests/physics/bounds.rs`.
 
-use crate::exposure::moments::TracePoint;
-use crate::exposure::node_error::NodeError;
-use crate::optics::gaussian;
+use crate::{exposure::moments::TracePoint, exposure::node_error::NodeError, optics::gaussian};
 use pulp::{Arch, NullaryFnOnce};
 
 /// Safety factor for stars between the probes and phases between those compared.

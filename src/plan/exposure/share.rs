@@ -5,9 +5,8 @@
 //! function's integral, exact at one edge; at a corner the error is the non-separable part of the PSF (Airy: < 3e-3 of
 //! the star; zero for a star on the corner). A grid uses the sums of its own samples, separately for each side.
 
-use crate::exposure::planned_star::PlannedStar;
 use crate::exposure::pose::{PathNode, mean_pose};
-use crate::exposure::track::StarTrack;
+use crate::exposure::{planned_star::PlannedStar, track::StarTrack};
 use crate::optics::{PsfField, PsfForm, PsfGrid, PsfModel};
 use sky::astrometry::CameraGeometry;
 use std::sync::Arc;
@@ -244,8 +243,7 @@ fn square_sum(half_px: usize, value: impl Fn(f64, f64) -> f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::exposure::pose::Pose;
-    use crate::exposure::track::StarPlace;
+    use crate::exposure::{pose::Pose, track::StarPlace};
     use sky::astrometry::{BrownConrady, CameraParameters};
 
     #[test]

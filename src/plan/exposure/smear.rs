@@ -8,10 +8,8 @@
 //! (8 per period leave out 3 % of the length); under a rolling shutter the exposure is that of the row where the star
 //! is. Tests: below, by brute force.
 
-use crate::exposure::correction::Correction;
-use crate::exposure::motion::Motion;
-use crate::exposure::pixel_path::PixelPath;
 use crate::exposure::probes::{Probe, Probes, SIDE};
+use crate::exposure::{correction::Correction, motion::Motion, pixel_path::PixelPath};
 
 /// Times closer than this share of the exposure are treated as equal.
 const SAME_TIME: f64 = 1e-9;

@@ -8,9 +8,7 @@
 //! trajectory on the sky: the chord from its first place to its last. Brightness may change within an exposure
 //! ([`LightCurve`]). Tests: below, and `tests/physics/targets.rs`.
 
-use crate::attitude::LosPath;
-use crate::exposure::sky_path::SkyPath;
-use crate::exposure::track::StarPlace;
+use crate::{attitude::LosPath, exposure::sky_path::SkyPath, exposure::track::StarPlace};
 use base::time::{Span, Tai};
 use sky::astrometry::CameraGeometry;
 

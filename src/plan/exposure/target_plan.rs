@@ -9,19 +9,14 @@
 //! trajectory or the corners of the camera's path need more, corners are left out evenly, and the target is marked as
 //! coarse. Tests: `tests/physics/targets.rs` against an independent integral.
 
-use crate::exposure::correction::Correction;
 use crate::exposure::cost::{CostModel, Load};
-use crate::exposure::method::Method;
 use crate::exposure::motion::{Motion, Shutter};
-use crate::exposure::pixel_path::PixelPath;
 use crate::exposure::plan::{Drawing, ExposurePlan, NodeList};
-use crate::exposure::planned_star::PlannedStar;
-use crate::exposure::planned_target::PlannedTarget;
 use crate::exposure::pose::{PathNode, Pose};
-use crate::exposure::share::Share;
-use crate::exposure::target::Target;
-use crate::exposure::track::StarTrack;
-use crate::exposure::whole::WholeDomain;
+use crate::exposure::{
+    correction::Correction, method::Method, pixel_path::PixelPath, planned_star::PlannedStar,
+    planned_target::PlannedTarget, share::Share, target::Target, track::StarTrack, whole::WholeDomain,
+};
 use crate::optics::Illumination;
 use crate::optics::quadrature::{Node, gauss_legendre};
 use base::time::Span;

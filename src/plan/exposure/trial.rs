@@ -7,16 +7,12 @@
 //! (sigma). They are samples, not bounds; the chooser multiplies them by [`SAFETY`]. A PSF that is not a Gaussian is
 //! replaced by a Gaussian of its core. Test: `tests/physics/streaks`.
 
-use crate::exposure::correction::Correction;
-use crate::exposure::dense::DENSE_RESERVED;
 use crate::exposure::lists::{band_delay_s, band_of, correction, fill_nodes};
-use crate::exposure::method::Method;
-use crate::exposure::motion::Shutter;
-use crate::exposure::plan::ExposurePlan;
-use crate::exposure::planned_star::PlannedStar;
 use crate::exposure::pose::{PathNode, Pose, mean_pose};
-use crate::exposure::probes::Probes;
-use crate::exposure::track::StarTrack;
+use crate::exposure::{
+    correction::Correction, dense::DENSE_RESERVED, method::Method, motion::Shutter, plan::ExposurePlan,
+    planned_star::PlannedStar, probes::Probes, track::StarTrack,
+};
 
 /// Safety factor of a tried error: other stars and other windows may have larger errors.
 const SAFETY: f64 = 2.0;

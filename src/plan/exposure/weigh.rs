@@ -4,14 +4,11 @@
 //! star is drawn about its own exact mean, so the lists only have errors in the shape of the path: moments show them
 //! for short paths, characteristic functions for long ones.
 
-use crate::exposure::dense::DENSE_RESERVED;
 use crate::exposure::moments::{Moments, TracePoint, trace};
-use crate::exposure::node_error::NodeError;
-use crate::exposure::pose::PathNode;
 use crate::exposure::probes::{Probe, Probes, SIDE};
-use crate::exposure::shape_change::ShapeChange;
 use crate::exposure::spectrum::{NOTHING, Sensitivity, Spectrum};
 use crate::exposure::track::{StarPlace, StarTrack};
+use crate::exposure::{dense::DENSE_RESERVED, node_error::NodeError, pose::PathNode, shape_change::ShapeChange};
 use sky::astrometry::CameraGeometry;
 
 /// Side of the window in which a tracker measures, px.

@@ -10,11 +10,8 @@
 //! [`LARGEST_HALF_PX`](crate::optics::psf::LARGEST_HALF_PX) and the PSF's own grid; 1e-13 of a Gaussian. Stars outside the
 //! domain are drawn as ordinary ones, and their error is named. Tests below; `tests/physics/whole.rs`, `tests/gpu/whole.rs`.
 
-use crate::exposure::instrument::Instrument;
-use crate::exposure::planned_star::PlannedStar;
-use crate::exposure::sampling::PRODUCTS_ERROR;
-use crate::optics::PsfModel;
-use crate::optics::psf::LARGEST_HALF_PX;
+use crate::exposure::{instrument::Instrument, planned_star::PlannedStar, sampling::PRODUCTS_ERROR};
+use crate::{optics::PsfModel, optics::psf::LARGEST_HALF_PX};
 use rayon::prelude::*;
 
 /// Error of a pixel in the wings of a star, relative to the star's peak: single-precision error functions near 1

@@ -9,10 +9,9 @@
 //! *Limits.* Those of the spectrum; light outside the tables counts for nothing. *Validation:* the tests below;
 //! `tests/physics/radiometry.rs` integrates again by other means and against measured colours.
 
-use crate::optics::radiometry::COLOR_RANGE;
-use crate::optics::spectral_weight::SpectralWeight;
 use crate::optics::spectrum::{Cells, Spectrum, SpectrumError};
 use crate::optics::star_spectrum::{StarSpectra, StarSpectrum};
+use crate::optics::{radiometry::COLOR_RANGE, spectral_weight::SpectralWeight};
 use std::sync::Arc;
 
 /// Step of the colour table, mag of BP-RP.

@@ -26,8 +26,7 @@ use crate::optics::mtf::{MtfChain, gaussian};
 use crate::optics::psf::LARGEST_HALF_PX;
 use crate::optics::psf_grid::{MOST_OVERSAMPLING, PsfGrid, PsfGridError};
 use core::f64::consts::PI;
-use rustfft::FftPlanner;
-use rustfft::num_complex::Complex64;
+use rustfft::{FftPlanner, num_complex::Complex64};
 
 /// Number of rows of the table of factors that depend on the wavelength.
 pub const ROWS: usize = 4096;

@@ -4,10 +4,7 @@
 //! infinite plane. Pixels are products of error functions, exact in f64. The double Gaussian of King, Publications of
 //! the Astronomical Society of the Pacific 83 (1971), 199, without its aureole.
 
-use crate::optics::gaussian;
-use crate::optics::psf_grid::BOTH_AXES;
-use crate::optics::quadrature::half_width;
-use crate::optics::round_psf::RoundPsf;
+use crate::optics::{gaussian, psf_grid::BOTH_AXES, quadrature::half_width, round_psf::RoundPsf};
 use core::f64::consts::TAU;
 
 /// A core and its halo.

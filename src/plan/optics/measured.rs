@@ -7,9 +7,8 @@
 //! side. Limits: the centroid is that of the whole image, so wings that the image cuts off, or noise far out, move it.
 //! Tests below make the image of a known PSF, off its middle and on a background, and check that it is recovered.
 
-use crate::optics::image_spline::Spline;
-use crate::optics::psf::LARGEST_HALF_PX;
 use crate::optics::psf_grid::{PsfGrid, PsfGridError};
+use crate::optics::{image_spline::Spline, psf::LARGEST_HALF_PX};
 
 /// Content of a sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

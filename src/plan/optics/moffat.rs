@@ -7,9 +7,8 @@
 //! 1e-12 of the flux (`alpha >= 0.25` px, `beta <= 5`). Tests below hold it to sums over finer cells and to the closed
 //! form.
 
-use crate::optics::psf_grid::BOTH_AXES;
 use crate::optics::quadrature::{Node, gauss_legendre, over_pixel};
-use crate::optics::round_psf::RoundPsf;
+use crate::optics::{psf_grid::BOTH_AXES, round_psf::RoundPsf};
 use core::f64::consts::PI;
 
 /// A Moffat profile on a detector.

@@ -1,14 +1,10 @@
 //! The PSF of a camera and its properties: exact (f64) integral over a pixel, extent, widths, required table
 //! resolution. Other files use it through these; where images are drawn differently they use its [`PsfForm`].
 
-use crate::optics::airy::Airy;
-use crate::optics::gaussian;
-use crate::optics::halo::Halo;
-use crate::optics::moffat::Moffat;
-use crate::optics::psf_field::PsfField;
 pub use crate::optics::psf_grid::LARGEST_HALF_PX;
-use crate::optics::psf_grid::PsfGrid;
-use crate::optics::round_psf::RoundPsf;
+use crate::optics::{
+    airy::Airy, gaussian, halo::Halo, moffat::Moffat, psf_field::PsfField, psf_grid::PsfGrid, round_psf::RoundPsf,
+};
 use std::sync::Arc;
 
 /// PSF model: optics only, unit flux over the infinite plane, 100 % fill factor.

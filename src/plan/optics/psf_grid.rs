@@ -7,8 +7,7 @@
 //! Source: Unser, Aldroubi and Eden, IEEE Trans. Signal Processing 41 (1993), 821. Error of a smooth `P`: `h^4 |f''''|
 //! / 384` along each axis. Tests below compare it with a Gaussian's integrals.
 
-use crate::optics::gaussian;
-use crate::optics::image_spline::Spline;
+use crate::optics::{gaussian, image_spline::Spline};
 use core::f64::consts::PI;
 
 /// Largest reach of a footprint from its star, px: the wings of an Airy pattern beyond it are left out and reported as

@@ -1,8 +1,7 @@
 //! Checks for every round PSF: its functions agree with each other and with sums over its irradiance.
 
-use crate::optics::moffat::Moffat;
 use crate::optics::quadrature::{gauss_legendre, over_pixel};
-use crate::optics::round_psf::RoundPsf;
+use crate::optics::{moffat::Moffat, round_psf::RoundPsf};
 use core::f64::consts::TAU;
 
 /// Largest disagreement of two shares of the flux.

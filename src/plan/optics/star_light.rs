@@ -9,10 +9,7 @@
 //!
 //! Nothing but this value is stored; on the frame path a star costs one `powf` and at most one look-up.
 
-use crate::optics::band::BandRadiometry;
-use crate::optics::grey_map::GreyMap;
-use crate::optics::photometry_v::mag_v;
-use crate::optics::radiometry::Radiometry;
+use crate::optics::{band::BandRadiometry, grey_map::GreyMap, photometry_v::mag_v, radiometry::Radiometry};
 
 /// Brightest and faintest G between which a star of given electrons is searched.
 const MAG_RANGE: (f64, f64) = (-30.0, 40.0);

@@ -13,9 +13,7 @@
 //! Sun. Light outside 350 to 1000 nm is only as good as the black body. Colours are clamped to [`COLOR_RANGE`], a
 //! missing one is taken as 0. *Validation:* `tests/physics/radiometry.rs`, the tests below.
 
-use crate::optics::gaia_bands::GaiaBand;
-use crate::optics::radiometry::COLOR_RANGE;
-use crate::optics::spectrum::Cells;
+use crate::optics::{gaia_bands::GaiaBand, radiometry::COLOR_RANGE, spectrum::Cells};
 
 /// Second radiation constant `h c / k`, nm K (CODATA 2018).
 const C2_NM_K: f64 = 1.438_776_877e7;

@@ -11,12 +11,7 @@
 
 use crate::runtime::error::RunError;
 use crate::runtime::imager::{BackendChoice, Imager};
-use base::accuracy::AccuracyBudget;
-use base::axes::Rotation;
-use base::clock::Stopwatch;
-use base::image::DnImage;
-use base::random::philox;
-use base::time::Tai;
+use base::{accuracy::AccuracyBudget, axes::Rotation, clock::Stopwatch, image::DnImage, random::philox, time::Tai};
 use image::detector::{DetectorConditions, DetectorParams};
 use plan::attitude::LosPath;
 use plan::exposure::cost::{CostModel, Load};

@@ -1,11 +1,8 @@
 //! The camera heads of a loop and the camera commands of the flight computer: what each head can do goes to the first
 //! head's receiver, and the commands that it accepts to their heads.
 
-use crate::runtime::exposing::Exposing;
-use crate::runtime::ledger::Ledger;
-use crate::runtime::receiver::Receiver;
-use firmware_protocol::Message;
-use firmware_protocol::message::Request;
+use crate::runtime::{exposing::Exposing, ledger::Ledger, receiver::Receiver};
+use firmware_protocol::{Message, message::Request};
 use link::Input;
 
 /// Common interface of the camera heads of both loops.

@@ -10,9 +10,8 @@ use base::region::Regions;
 use frames::camera_control::CameraSettings;
 use image::detector::protons::ProtonFlux;
 use image::detector::{Background, DetectorConditions};
-use plan::exposure::target::FIRST_BODY_ID;
-use plan::exposure::track::StarPlace;
 use plan::exposure::{Source, SourcePlace};
+use plan::exposure::{target::FIRST_BODY_ID, track::StarPlace};
 use sky::astrometry::CameraGeometry;
 
 /// Capacity for sources reserved before the run.

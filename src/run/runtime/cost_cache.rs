@@ -6,8 +6,7 @@
 
 use crate::runtime::error::CostCacheError;
 use base::input_file::{SETTINGS_BYTES, read_text};
-use frames::report::Machine;
-use frames::sink::write_file_atomically;
+use frames::{report::Machine, sink::write_file_atomically};
 use plan::exposure::cost::CostModel;
 use serde::{Deserialize, Serialize};
 use std::io::ErrorKind;

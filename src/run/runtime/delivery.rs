@@ -7,14 +7,11 @@
 
 use crate::runtime::error::RunError;
 use crate::runtime::hygiene::{Hygiene, Role};
-use base::clock::Clock;
-use base::time::Tai;
+use base::{clock::Clock, time::Tai};
 use crossbeam_channel::{Receiver, Sender, bounded};
 use frames::report::{FrameRecord, Stage};
 use frames::sink::{Loss, LossKind, SentFrame, Sink, SinkError, SinkLine, SinkSummary, sink_lines};
-use std::collections::VecDeque;
-use std::sync::Arc;
-use std::thread::JoinHandle;
+use std::{collections::VecDeque, sync::Arc, thread::JoinHandle};
 
 /// Frames in flight between the frame thread and the sink thread.
 pub const BUFFERS: usize = 4;
@@ -216,8 +213,7 @@ fn finish(sink: &mut dyn Sink, carried: Carried) -> Delivered {
 mod tests {
     use super::*;
     use base::clock::Monotonic;
-    use frames::sink::NullSink;
-    use frames::sink::sample::sample_frame;
+    use frames::sink::{NullSink, sample::sample_frame};
 
     #[test]
     fn every_buffer_that_has_come_back_is_seen_at_once_and_only_once() {

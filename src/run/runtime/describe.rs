@@ -1,13 +1,11 @@
 //! Writes a frame's metadata: its plan, its attitude, and the settings of its exposure.
 
-use crate::runtime::path_facts::PathFacts;
-use crate::runtime::slot::Slot;
+use crate::runtime::{path_facts::PathFacts, slot::Slot};
 use base::axes::{Rotation, Sensor, ra_dec_roll};
 use base::time::Span;
 use frames::camera_control::CameraSettings;
 use frames::sink::{ActiveFaults, FaultFlags, FrameMeta};
-use image::detector::Seeds;
-use image::detector::levels::Levels;
+use image::detector::{Seeds, levels::Levels};
 use plan::attitude::{LosPath, PathOrigin};
 use plan::exposure::ExposurePlan;
 

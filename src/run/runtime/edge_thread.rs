@@ -4,16 +4,13 @@
 //! threads, so that an edge wakes the frame thread as a message does. When the queue is full an edge is lost and
 //! counted; so are those that the kernel dropped. Tests: `hil_scripts/test_triggers.py`.
 
-use crate::runtime::error::RunError;
 use crate::runtime::hygiene::{Hygiene, Role};
-use crate::runtime::received::Received;
-use base::clock::Clock;
-use base::time::Span;
+use crate::runtime::{error::RunError, received::Received};
+use base::{clock::Clock, time::Span};
 use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use crossbeam_channel::Sender;
 use link::gpio::GpioChip;
-use std::sync::Arc;
-use std::thread::JoinHandle;
+use std::{sync::Arc, thread::JoinHandle};
 
 /// The thread notices the end of the run within this time.
 const STOP_POLL: Span = Span::from_ms(50);

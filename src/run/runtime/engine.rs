@@ -6,40 +6,27 @@ mod draw;
 use crate::runtime::conditions::Conditions;
 
 pub use crate::runtime::describe::{fill_meta, origin_name};
-use crate::runtime::error::RunError;
-use crate::runtime::exposing::Exposing;
-use crate::runtime::imager::Imager;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::load::{LoadChange, LoadEstimate};
 use crate::runtime::marks::{FrameMark, FrameMarks};
-use crate::runtime::params::RunParams;
-use crate::runtime::path_facts::PathFacts;
-use crate::runtime::receiver::Receiver;
 use crate::runtime::slot::{Slot, Started};
-use base::axes::Rotation;
-use base::clock::Stopwatch;
-use base::region::Regions;
+use crate::runtime::{
+    error::RunError, exposing::Exposing, imager::Imager, params::RunParams, path_facts::PathFacts, receiver::Receiver,
+};
 use base::time::{Span, Tai};
-use base::units::SPEED_OF_LIGHT_KM_S;
+use base::{axes::Rotation, clock::Stopwatch, region::Regions, units::SPEED_OF_LIGHT_KM_S};
 pub use draw::Light;
 use frames::report::{FrameEnd, Stage, StageTimes};
 use frames::sink::SentFrame;
 use glam::DVec3;
-use image::detector::DetectorConditions;
-use image::detector::defects::Defects;
+use image::detector::{DetectorConditions, defects::Defects};
 use plan::attitude::{
     AttitudeMethod, EstimateLimits, JitterTrack, LosPath, MotionScale, PathOrigin, PathOutcome, PathReport, compose,
 };
-use plan::exposure::cost::CostModel;
-use plan::exposure::target::Target;
 use plan::exposure::{ExposurePlan, Instrument, Planner, Source, SourcePlace};
-use plan::optics::PsfModel;
-use scene::Scene;
-use scene::error::SceneError;
-use scene::field_light::illumination_map;
-use scene::wcs::WcsMaker;
-use sky::almanac::Almanac;
-use sky::astrometry::Sight;
+use plan::{exposure::cost::CostModel, exposure::target::Target, optics::PsfModel};
+use scene::{Scene, error::SceneError, field_light::illumination_map, wcs::WcsMaker};
+use sky::{almanac::Almanac, astrometry::Sight};
 use stars::Sky;
 
 /// Content of the image of a slot.

@@ -2,8 +2,7 @@
 
 use base::time::Span;
 use frames::sink::SinkError;
-use image::detector::pattern::PatternSizeError;
-use image::render::RenderError;
+use image::{detector::pattern::PatternSizeError, render::RenderError};
 use link::LinkError;
 use scene::error::SceneError;
 use stars::layer::LayerError;

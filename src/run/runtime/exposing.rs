@@ -3,11 +3,10 @@
 //! In: commands of queues ([`DeskEnd`]) and of the bus, images. Out: slots, the settings of the exposure that is drawn,
 //! and events for clients. A refused or missed command is an event of the ledger.
 
-use crate::runtime::camera_intake::CameraView;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
-use crate::runtime::params::RunParams;
 use crate::runtime::shutter::{NextSlot, Shutter, ShutterParams};
 use crate::runtime::slot::{Slot, Started};
+use crate::runtime::{camera_intake::CameraView, params::RunParams};
 use base::image::DnImage;
 use base::time::{Span, Tai};
 use frames::camera_control::{

@@ -8,11 +8,9 @@
 //! Tests: below, `conditions`, and `tests/closed_loop/imaging_faults.rs`.
 
 use crate::runtime::conditions::{Conditions, FALSE_STARS_MAX, FAULT_STREAM};
-use crate::runtime::engine::FrameEngine;
-use crate::runtime::error::RunError;
 use crate::runtime::frame_damage::{self, Repeated, scaled};
 use crate::runtime::ledger::{Event, EventKind, Ledger};
-use crate::runtime::slot::Slot;
+use crate::runtime::{engine::FrameEngine, error::RunError, slot::Slot};
 use base::random::{key, philox};
 use base::time::{Span, Tai};
 use frames::sink::{
@@ -20,9 +18,8 @@ use frames::sink::{
 };
 use image::detector::defects::{Defect, DefectEdit, DefectId, DefectKind, DefectPlace, Rates};
 use image::detector::protons::{ProtonDirection, ProtonFlux};
-use plan::exposure::target::FIRST_FALSE_STAR_ID;
 use plan::exposure::{Source, SourcePlace};
-use plan::optics::PsfModel;
+use plan::{exposure::target::FIRST_FALSE_STAR_ID, optics::PsfModel};
 
 /// Start and end time of a fault that has not been triggered.
 pub const NEVER: Tai = Tai::from_ns(i64::MAX);

@@ -4,14 +4,9 @@
 //! effects that its faults will have when it is finished ([`FrameFaults::spoil`]): the stimulator describes a frame
 //! before it is damaged. Tests: `tests/closed_loop/imaging_faults.rs`, `triggers.rs` and `replay.rs`.
 
-use crate::runtime::engine::FrameEngine;
-use crate::runtime::error::RunError;
 use crate::runtime::frame_faults::{Fate, FrameFaults};
-use crate::runtime::ledger::Ledger;
-use crate::runtime::receiver::Receiver;
-use crate::runtime::slot::Slot;
-use frames::report::StageTimes;
-use frames::sink::SentFrame;
+use crate::runtime::{engine::FrameEngine, error::RunError, ledger::Ledger, receiver::Receiver, slot::Slot};
+use frames::{report::StageTimes, sink::SentFrame};
 
 /// One head, ready to draw a slot.
 pub struct HeadStep<'a> {

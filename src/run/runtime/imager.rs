@@ -1,22 +1,14 @@
 //! Backend and detector together: plan -> DN.
 
-use base::clock::Stopwatch;
 use base::image::{DnImage, Image};
-use base::region::Regions;
-use base::time::Span;
+use base::{clock::Stopwatch, region::Regions, time::Span};
 use frames::report::{Stage, StageTimes};
-use image::detector::disturbances::Disturbances;
-use image::detector::gpu::GpuDetector;
 use image::detector::{Detector, DetectorConditions, DetectorParams, PoissonMethod};
 use image::gpu::{AdapterChoice, Electrons, GpuDevice};
-use image::render::cpu::Cpu;
-use image::render::gpu::Gpu;
-use image::render::gpu::brighter::Brighter;
-use image::render::overlap::Apart;
-use image::render::reference::Reference;
 use image::render::{Backend, RenderError};
-use plan::exposure::ExposurePlan;
-use plan::exposure::cost::CostModel;
+use image::render::{cpu::Cpu, gpu::Gpu, gpu::brighter::Brighter, overlap::Apart, reference::Reference};
+use image::{detector::disturbances::Disturbances, detector::gpu::GpuDetector};
+use plan::exposure::{ExposurePlan, cost::CostModel};
 use std::sync::Arc;
 
 /// Backend requested by the user.

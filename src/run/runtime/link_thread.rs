@@ -5,11 +5,9 @@
 //! lost and counted: the threads never block on a full queue. Counters of a port are published after each packet.
 
 use crate::runtime::edge_thread::{EdgeThread, TriggerChip};
-use crate::runtime::error::RunError;
 use crate::runtime::hygiene::{Hygiene, Role};
-use crate::runtime::plant_sample::PlantSample;
 use crate::runtime::port_reading::{PortReading, SharedReading};
-use crate::runtime::received::Received;
+use crate::runtime::{error::RunError, plant_sample::PlantSample, received::Received};
 use base::clock::{Clock, PairedReading};
 use base::time::Span;
 use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -17,9 +15,7 @@ use crossbeam_channel::{Receiver as Queue, RecvTimeoutError, Sender, bounded, se
 use firmware_protocol::Message;
 use link::pps::Pps;
 use link::{Polled, Port, Stamped};
-use std::sync::Arc;
-use std::thread::JoinHandle;
-use std::time::Duration;
+use std::{sync::Arc, thread::JoinHandle, time::Duration};
 
 /// Messages between the receiving threads and the frame thread: 0.3 s of a full 1 Mbit/s bus and a full 3 Mbaud line.
 const RECEIVE_QUEUE: usize = 4096;

@@ -1,9 +1,8 @@
 //! How a run ended.
 
-use crate::runtime::error::RunError;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
-use crate::runtime::port_reading::PortReading;
 use crate::runtime::record::{RunRecord, sink_rows};
+use crate::runtime::{error::RunError, port_reading::PortReading};
 use base::time::{Span, Tai};
 use frames::report::Losses;
 use frames::sink::{SinkLine, SinkSummary};

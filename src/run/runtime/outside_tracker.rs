@@ -8,8 +8,7 @@
 use base::time::{Span, Tai};
 use frames::sink::SentFrame;
 use glam::DVec3;
-use std::collections::VecDeque;
-use std::sync::Arc;
+use std::{collections::VecDeque, sync::Arc};
 use testbed::tracker::{CameraOrders, CameraWish, Exposed, GuideStars, Outcome, Tracker, TrackerParams};
 
 /// Capacity for outputs that are not ready yet: more than a tracker processes at a time.

@@ -8,13 +8,9 @@ use image::detector::Seeds;
 use plan::attitude::{EstimateLimits, HistoryLimits, JitterLine, RecordedJitter, RemoteClockLimits};
 use plan::exposure::cost::CostModel;
 use plan::exposure::{Degradation, MethodChoice, Target};
-use scene::SceneParams;
-use scene::camera::CameraParams;
-use scene::sky_targets::SkyTarget;
-use sky::almanac::Almanac;
-use sky::observer::Observer;
-use stars::Sky;
-use stars::layer::LayerError;
+use scene::{SceneParams, camera::CameraParams, sky_targets::SkyTarget};
+use sky::{almanac::Almanac, observer::Observer};
+use stars::{Sky, layer::LayerError};
 use std::path::PathBuf;
 
 /// Policy for a frame that misses its deadline.

@@ -5,8 +5,7 @@
 
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::slot::Slot;
-use base::time::Span;
-use base::units::ARCSEC;
+use base::{time::Span, units::ARCSEC};
 use frames::sink::FrameMeta;
 use plan::attitude::{PathOrigin, PathReport};
 

@@ -1,7 +1,6 @@
 //! Times of plain messages: tags of any epoch, arrival; jumps and repeats.
 
-use super::super::tests::params;
-use super::*;
+use super::{super::tests::params, *};
 use crate::runtime::ledger::EventKind;
 
 const START: Tai = Tai::from_ns(1_800_000_000_000_000_000);

@@ -7,8 +7,7 @@
 
 use crate::runtime::plant_sample::PlantSample;
 use base::time::Tai;
-use std::collections::BTreeMap;
-use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, btree_map::Entry};
 
 /// Capacity in parts of samples: 1000 s of 100 Hz, about 20 MB.
 pub const WAITING_MAX: usize = 100_000;

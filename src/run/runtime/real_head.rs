@@ -4,21 +4,15 @@
 //! the record of the slot. The frame thread takes the heads in turn; each has its own sink thread. Tests: as for
 //! `real_time`.
 
-use crate::runtime::camera_heads::CameraHead;
 use crate::runtime::delivery::{Delivery, FramePacket};
 use crate::runtime::engine::{FrameEngine, origin_name};
-use crate::runtime::error::RunError;
-use crate::runtime::exposing::Exposing;
 use crate::runtime::frame_faults::{Fate as Spoiling, FrameFaults};
-use crate::runtime::head_step::HeadStep;
-use crate::runtime::ledger::EventKind;
-use crate::runtime::params::DeadlinePolicy;
 use crate::runtime::real_parts::{Head, HeadParts, Setting};
 use crate::runtime::real_shared::{Shared, take_back};
-use crate::runtime::receiver::Receiver;
-use crate::runtime::record::RunRecord;
-use crate::runtime::reply::camera_pages;
-use crate::runtime::slot::Slot;
+use crate::runtime::{
+    camera_heads::CameraHead, error::RunError, exposing::Exposing, head_step::HeadStep, ledger::EventKind,
+    params::DeadlinePolicy, receiver::Receiver, record::RunRecord, reply::camera_pages, slot::Slot,
+};
 use base::time::{Span, Tai};
 use frames::report::{Fate, FrameEnd, FrameRecord, MissCause, Stage, StageTimes};
 use frames::sink::{FaultFlags, FrameMeta, SentFrame};

@@ -1,18 +1,13 @@
 //! Inputs of a run on the bench clock: its environment, its camera heads, its sources, and the form of orders.
 
-use crate::runtime::edge_thread::TriggerChip;
-use crate::runtime::engine::FrameEngine;
-use crate::runtime::frame_faults::FrameFaults;
-use crate::runtime::hygiene::Hygiene;
-use crate::runtime::plant_sample::PlantSample;
-use crate::runtime::receiver::Receiver;
-use crate::runtime::record::RunRecord;
-use base::clock::Clock;
-use base::time::Tai;
+use crate::runtime::{
+    edge_thread::TriggerChip, engine::FrameEngine, frame_faults::FrameFaults, hygiene::Hygiene,
+    plant_sample::PlantSample, receiver::Receiver, record::RunRecord,
+};
+use base::{clock::Clock, time::Tai};
 use core::sync::atomic::AtomicBool;
 use crossbeam_channel::Receiver as Queue;
-use frames::report::RunLimits;
-use frames::sink::Sink;
+use frames::{report::RunLimits, sink::Sink};
 use link::pps::Pps;
 use link::{Port, Stamped};
 use std::sync::Arc;

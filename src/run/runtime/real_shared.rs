@@ -1,13 +1,11 @@
 //! Parts that the camera heads of a run on the bench clock share: clock, receiving threads and answers; and how the results
 //! of a sink thread are recorded.
 
-use crate::runtime::delivery::FramePacket;
-use crate::runtime::ledger::Ledger;
-use crate::runtime::link_thread::LinkThreads;
-use crate::runtime::port_reading::PortReading;
-use crate::runtime::receiver::Receiver;
-use crate::runtime::record::RunRecord;
 use crate::runtime::reply::{Reply, ReportedFrame};
+use crate::runtime::{
+    delivery::FramePacket, ledger::Ledger, link_thread::LinkThreads, port_reading::PortReading, receiver::Receiver,
+    record::RunRecord,
+};
 use base::clock::Clock;
 use frames::sink::FrameMeta;
 

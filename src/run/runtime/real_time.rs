@@ -7,23 +7,15 @@
 //! starts at the release and not before; late frames are judged when finished, not when delivered (`[budget]` total is
 //! compared with delivery). Tests: `tests/closed_loop/{deadline,budget}.rs`, which assert no wall time.
 
-use crate::runtime::camera_heads;
-use crate::runtime::engine::FrameEngine;
-use crate::runtime::error::RunError;
-use crate::runtime::hygiene::Role;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
-use crate::runtime::link_thread::LinkThreads;
 use crate::runtime::outcome::{RunOutcome, lines_of_head};
-use crate::runtime::port_reading::PortReading;
-use crate::runtime::real_head::RealHead;
 use crate::runtime::real_parts::{FrameOrder, Head, HeadParts, Setting, Sources};
 use crate::runtime::real_shared::{Shared, take_back};
-use crate::runtime::received::Received;
-use crate::runtime::receiver::Receiver;
-use crate::runtime::record::RunRecord;
-use crate::runtime::reply::Reply;
-use crate::runtime::shutter::NextSlot;
-use crate::runtime::slot::Slot;
+use crate::runtime::{
+    camera_heads, engine::FrameEngine, error::RunError, hygiene::Role, link_thread::LinkThreads,
+    port_reading::PortReading, real_head::RealHead, received::Received, receiver::Receiver, record::RunRecord,
+    reply::Reply, shutter::NextSlot, slot::Slot,
+};
 use base::clock::Clock;
 use base::time::{Span, Tai};
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -32,8 +24,7 @@ use frames::camera_control::{CameraCommand, CommandSource, Commanded, TriggerSou
 use frames::report::{FrameRecord, RunLimits, Stage};
 use frames::sink::{SentFrame, Sink};
 use link::Port;
-use std::sync::Arc;
-use std::time::Duration;
+use std::{sync::Arc, time::Duration};
 
 /// Time within which a sleeping frame thread notices a stop.
 const STOP_POLL: Span = Span::from_ms(50);

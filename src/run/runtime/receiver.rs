@@ -1,22 +1,19 @@
 //! Messages -> time correlation, attitude history, jitter history, triggers, answers to commands.
 
-use crate::runtime::camera_intake::CameraIntake;
-use crate::runtime::error::RunError;
-use crate::runtime::jitter_tables;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
-use crate::runtime::params::AttitudeParams;
 use crate::runtime::plant_sample::{PlantAttitude, PlantSample};
 use crate::runtime::rate_check::{RateCheck, WINDOW};
 use crate::runtime::session::{Session, SessionParams};
-use crate::runtime::slot::Slot;
-use crate::runtime::triggers::FiredTrigger;
+use crate::runtime::{
+    camera_intake::CameraIntake, error::RunError, jitter_tables, params::AttitudeParams, slot::Slot,
+    triggers::FiredTrigger,
+};
 use base::axes::{Rotation, WRITTEN_NORM_TOLERANCE};
 use base::time::{Span, Tai};
 use base::units::{ARCSEC, RPM};
-use firmware_protocol::Message;
-use firmware_protocol::handshake::Did;
 use firmware_protocol::message::{AttitudeRecord, Command, JitterBurst, JitterPair, Request, TimeFollowUp, Wheels};
 use firmware_protocol::ticks::{ticks_diff, wrapped};
+use firmware_protocol::{Message, handshake::Did};
 use glam::DVec3;
 use link::Stamped;
 use plan::attitude::{

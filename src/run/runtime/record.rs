@@ -1,10 +1,7 @@
 //! The record of a run: counts, histograms and events during the run; a summary at its end.
 
-use crate::runtime::engine::FrameEngine;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
-use crate::runtime::port_reading::PortReading;
-use crate::runtime::receiver::Receiver;
-use crate::runtime::run_word::word_so_far;
+use crate::runtime::{engine::FrameEngine, port_reading::PortReading, receiver::Receiver, run_word::word_so_far};
 use base::time::{Span, Tai};
 use firmware_protocol::Reject;
 use frames::report::{
@@ -12,8 +9,7 @@ use frames::report::{
     NewestEvent, RunLimits, RunNumbers, RunSummary, SinkRow, Stage, StageHistogram, StageHistograms, StageTimes,
 };
 use frames::sink::{FaultFlags, FrameMeta, Loss, LossKind, SentFrame, SinkLine, SinkSummary};
-use plan::exposure::Degradation;
-use plan::exposure::method::MethodName;
+use plan::exposure::{Degradation, method::MethodName};
 use std::collections::BTreeMap;
 
 /// The results of a run.

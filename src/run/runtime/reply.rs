@@ -8,8 +8,7 @@
 //! STATUS shows that the stimulator is alive. CAMERA_STATUS of every head follows, once requested ([`camera_pages`]).
 //! Tests: `tests/closed_loop/session.rs`.
 
-use crate::runtime::port_reading::REASONS;
-use crate::runtime::receiver::Receiver;
+use crate::runtime::{port_reading::REASONS, receiver::Receiver};
 use base::time::{Span, Tai};
 use base::units::ARCSEC;
 use firmware_protocol::message::{

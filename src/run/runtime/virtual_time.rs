@@ -7,31 +7,23 @@
 //! the end.
 
 use crate::runtime::camera_heads::{self, CameraHead};
-use crate::runtime::engine::FrameEngine;
 use crate::runtime::error::{FarEndError, RunError};
-use crate::runtime::exposing::Exposing;
 use crate::runtime::frame_faults::{Fate, FrameFaults};
-use crate::runtime::head_step::HeadStep;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::outcome::{RunOutcome, lines_of_head};
-use crate::runtime::outside_tracker::OutsideTracker;
 use crate::runtime::plant_queue::{PlantQueue, PlantRefusal};
-use crate::runtime::plant_sample::PlantSample;
-use crate::runtime::port_reading::PortReading;
-use crate::runtime::real_head::end_of;
-use crate::runtime::receiver::Receiver;
-use crate::runtime::record::RunRecord;
 use crate::runtime::reply::{Reply, ReportedFrame, camera_pages};
-use crate::runtime::shutter::NextSlot;
-use crate::runtime::slot::Slot;
-use crate::runtime::tracker_orders::commands_of;
+use crate::runtime::{
+    engine::FrameEngine, exposing::Exposing, head_step::HeadStep, outside_tracker::OutsideTracker,
+    plant_sample::PlantSample, port_reading::PortReading, real_head::end_of, receiver::Receiver, record::RunRecord,
+    shutter::NextSlot, slot::Slot, tracker_orders::commands_of,
+};
 use base::clock::{Clock, Stopwatch, Virtual};
 use base::time::{Span, Tai};
 use frames::report::{FrameEnd, Stage};
 use frames::sink::{SentFrame, Sink, sink_lines};
 use link::Port;
-use std::collections::VecDeque;
-use std::sync::Arc;
+use std::{collections::VecDeque, sync::Arc};
 
 /// Interval at which a slot that waits for jitter samples looks for them.
 const JITTER_POLL: Span = Span::from_ms(1);

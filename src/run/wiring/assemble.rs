@@ -11,25 +11,18 @@
 
 use crate::runtime::{Hygiene, Imager};
 use crate::wiring::cable::{Cable, CableSetting};
-use crate::wiring::capture_tap::CaptureOptions;
-use crate::wiring::display_parts::hold_cards;
-use crate::wiring::error::LoopError;
-use crate::wiring::far_side::FarSide;
 use crate::wiring::fault_desk::{FaultDesk, in_order_of_placing};
-use crate::wiring::faults::Inventory;
 use crate::wiring::heads::{CostsHere, HeadSetting, RunHead, make_heads, take_sink};
 use crate::wiring::live_tap::{LiveOptions, LiveTap};
 use crate::wiring::memory::{RunForm, RunMemory};
 use crate::wiring::ports::{is_unreachable, needs_real_clock};
 use crate::wiring::run_clock::{RunClock, RunClockKind};
-use crate::wiring::run_times::RunTimes;
-use crate::wiring::sink_setting::SinkSetting;
 use crate::wiring::sinks::{directory_of_head, make_sinks};
-use crate::wiring::start;
-use crate::wiring::steering::Steering;
-use crate::wiring::taps::Taps;
 use crate::wiring::tracker_outs::{TrackerOuts, WaitingOut, tap_heads};
-use crate::wiring::trigger_lines::arm;
+use crate::wiring::{
+    capture_tap::CaptureOptions, display_parts::hold_cards, error::LoopError, far_side::FarSide, faults::Inventory,
+    run_times::RunTimes, sink_setting::SinkSetting, start, steering::Steering, taps::Taps, trigger_lines::arm,
+};
 use anyhow::Context;
 use base::time::{Span, Tai};
 use config::{Scenario, SinkSettings};
@@ -38,8 +31,7 @@ use frames::camera_control::{CameraDesk, desk};
 use frames::sink::{NullSink, SentFrame, Sink};
 use link::tap::FaultControl;
 use outputs::live::Numbers;
-use std::path::PathBuf;
-use std::sync::Arc;
+use std::{path::PathBuf, sync::Arc};
 use testbed::vehicle::TelemetryRow;
 
 /// Destination of the frames.

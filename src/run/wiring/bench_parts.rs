@@ -1,10 +1,8 @@
 //! A checked bench file -> the parameters of a run, of its simulated bus and of its simulated flight computer.
 
-use crate::runtime::params::AttitudeParams;
 use crate::runtime::{BackendChoice, DeadlinePolicy, Imager, RunParams, SessionParams, SessionStart};
-use crate::wiring::camera_parts::camera_params;
-use crate::wiring::seen_mag::bound_by_catalog;
 use crate::wiring::sensitivity::{Conditions, Sensitivity};
+use crate::{runtime::params::AttitudeParams, wiring::camera_parts::camera_params, wiring::seen_mag::bound_by_catalog};
 use anyhow::{Context, Result, bail};
 use base::axes::{Body, Icrf, Rotation, sensor_from_ra_dec_roll};
 use base::time::{Span, Tai};
@@ -16,16 +14,11 @@ use glam::{DQuat, DVec3};
 use link::WireFormat;
 use link::simulated::{BusParams, BusTiming};
 use plan::attitude::{JitterLine, RecordedJitter, RemoteClockLimits};
-use plan::exposure::cost::CostModel;
-use plan::exposure::target::FIRST_TARGET_ID;
 use plan::exposure::{Target, TargetWay};
-use plan::optics::snr::electrons_for_snr;
-use scene::camera::CameraParams;
-use scene::sky_targets::SkyTarget;
-use sky::ObserverError;
-use sky::observer::Observer;
+use plan::{exposure::cost::CostModel, exposure::target::FIRST_TARGET_ID, optics::snr::electrons_for_snr};
+use scene::{camera::CameraParams, sky_targets::SkyTarget};
 use sky::orbit::{CircularOrbit, EARTH_GM_KM3_S2, TleOrbit, TwoBodyOrbit};
-use sky::target::Orbit;
+use sky::{ObserverError, observer::Observer, target::Orbit};
 use std::sync::Arc;
 use testbed::flight_computer::{
     Faults, FlightComputerParams, JitterLineParams, JitterStream, Profile, RampShape, Slew, SlewProfile, SteadyMotion,

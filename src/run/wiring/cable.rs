@@ -3,19 +3,15 @@
 //!
 //! A capture contains what the stimulator's ports receive: faults act before it.
 
-use crate::runtime::edge_thread::TriggerChip;
-use crate::wiring::bench_parts;
-use crate::wiring::error::LoopError;
 use crate::wiring::ports::{End, Ports, open_ports};
-use crate::wiring::replay::Recording;
-use crate::wiring::run_clock::RunClock;
+use crate::wiring::{error::LoopError, replay::Recording, run_clock::RunClock};
+use crate::{runtime::edge_thread::TriggerChip, wiring::bench_parts};
 use config::{Action, Plant, Scenario};
 use frames::report::GatewayRow;
 use link::gateway::{GatewayAddress, GatewayCounters, GatewayKind, Gateways};
-use link::pps::Pps;
-use link::simulated::SimulatedBus;
 use link::tap::{FaultControl, FaultyLink};
 use link::{Link, Port};
+use link::{pps::Pps, simulated::SimulatedBus};
 
 /// Stream of the seed for faults of the bus, so that faults, frames and sensors do not share numbers.
 const BUS_SEED: u64 = 0x6275_7300;

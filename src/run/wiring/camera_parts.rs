@@ -1,13 +1,11 @@
 //! A checked camera file -> the parameters of the other crates.
 
-use crate::wiring::light_parts::background_light;
-use crate::wiring::seen_mag::auto_limiting_mag;
+use crate::wiring::{light_parts::background_light, seen_mag::auto_limiting_mag};
 use anyhow::{Context, Result};
 use config;
-use plan::exposure::Shutter;
 use plan::optics::chain_psf::{ChainPsf, Drawing};
-use plan::optics::mtf::MtfChain;
 use plan::optics::{BackgroundLight, PsfModel};
+use plan::{exposure::Shutter, optics::mtf::MtfChain};
 use scene::camera::CameraParams;
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 

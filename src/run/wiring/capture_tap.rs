@@ -1,8 +1,7 @@
 //! The capture of a run: its cable, and the inputs that each frame was drawn from.
 
-use crate::wiring::heads::RunHead;
 use crate::wiring::replay::{Recording, ReplayError, SessionParams};
-use crate::wiring::run_clock::RunClock;
+use crate::wiring::{heads::RunHead, run_clock::RunClock};
 use base::time::Tai;
 use config::{Document, Scenario};
 use frames::sink::NullSink;

@@ -25,24 +25,20 @@
 //! above and below the middle light up to half the scan sooner and later than drawn. Shot noise of what is drawn stays
 //! below 2.5e-5 of the full luminance. Tests: `tests/closed_loop/display.rs` over a simulated flight computer.
 
-use crate::runtime::params::RunParams;
-use crate::wiring::sink_setting::SinkSetting;
+use crate::{runtime::params::RunParams, wiring::sink_setting::SinkSetting};
 use anyhow::{Context, Result, bail};
 use base::time::{Span, Tai};
 use config::{Bench, DisplaySettings, Sink, SinkSettings};
 use image::detector::{DetectorParams, Nonlinearity, Patterns};
 use outputs::display::beat::{Beat, BeatInput};
 use outputs::display::calibration::{Calibration, DisplayIdentity, Light, TrackerIdentity};
-use outputs::display::dither::Dither;
-use outputs::display::grey::Row;
 use outputs::display::luminance_code::{KNOTS, luminance};
 use outputs::display::{Display, GreyMaker, GreyTable, Params, SUBMITS};
+use outputs::display::{dither::Dither, grey::Row};
 use plan::exposure::Shutter;
 use plan::optics::{BackgroundLight, Illumination, PsfModel, Radiometry, StarLight};
 use scene::camera::CameraParams;
-use std::fs::File;
-use std::path::Path;
-use std::sync::Arc;
+use std::{fs::File, path::Path, sync::Arc};
 
 /// Standard deviation of a star on the display, px: wide enough for centroids that move evenly, narrow enough to be a
 /// point for most trackers.

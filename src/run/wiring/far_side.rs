@@ -2,24 +2,18 @@
 //!
 //! The owner of the clock steps it; it never reads a clock itself.
 
-use crate::runtime::error::FarEndError;
-use crate::runtime::frame_faults::NEVER;
-use crate::runtime::tracker_orders::commands_of;
+use crate::runtime::{error::FarEndError, frame_faults::NEVER, tracker_orders::commands_of};
 use crate::wiring::bench_parts;
-use crate::wiring::error::LoopError;
-use crate::wiring::fault_desk::Placed;
-use crate::wiring::faults::Aboard;
-use crate::wiring::run_times::RunTimes;
-use crate::wiring::vehicle_parts::vehicle_params;
-use crate::wiring::witness::Witness;
+use crate::wiring::{
+    error::LoopError, fault_desk::Placed, faults::Aboard, run_times::RunTimes, vehicle_parts::vehicle_params,
+    witness::Witness,
+};
 use base::axes::{Body, Rotation, Sensor};
 use base::time::{Span, Tai};
 use config::{Action, Event, Plant, Scenario};
-use frames::camera_control::CameraDesk;
-use frames::sink::tap::TappedFrame;
 use frames::sink::{FrameMeta, TapEnd};
-use link::Port;
-use link::tap::Arrival;
+use frames::{camera_control::CameraDesk, sink::tap::TappedFrame};
+use link::{Port, tap::Arrival};
 use testbed::flight_computer::{FlightComputer, FlightError};
 use testbed::tracker::Exposed;
 use testbed::vehicle::{TelemetryRow, Vehicle, VehicleError, VehicleFault};

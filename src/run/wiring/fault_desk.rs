@@ -3,10 +3,8 @@
 //! In: an event, and the faults of each head's frames. Out: actions and expectations for the far side ([`Placed`]).
 //! Faults of the bus go to the links' own lists. Tests: of `faults`, and `tests/closed_loop`.
 
-use crate::runtime::frame_faults::FrameFaults;
-use crate::runtime::ledger::Event as LedgerEvent;
-use crate::runtime::receiver::Receiver;
 use crate::runtime::{FrameEngine, RunError};
+use crate::runtime::{frame_faults::FrameFaults, ledger::Event as LedgerEvent, receiver::Receiver};
 use crate::wiring::error::LoopError;
 use crate::wiring::faults::{Aboard, FaultLine, FaultLog, Inventory, LoggedFault, Places, PlacesRead, check_places};
 use base::axes::{Body, Rotation, Sensor};

@@ -4,8 +4,7 @@
 //! uniform from 5 to 400 s, so that some faults overlap and some leave the loop time to recover. Durations, shares and
 //! sizes are drawn within the limits written here: from what a loop rides through to what takes its attitude away.
 
-use base::time::Span;
-use base::units::DEG;
+use base::{time::Span, units::DEG};
 use config::{Action, Event, Pointing};
 use firmware_protocol::can::CanId;
 use frames::sink::FrameFault;

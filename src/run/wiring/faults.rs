@@ -1,16 +1,13 @@
 //! A scenario's events, distributed to the places where they act (bus, frames, vehicle), and their results.
 
-use crate::runtime::EventKind;
 use crate::runtime::frame_faults::{Begin, FrameFaults, NEVER};
-use crate::runtime::ledger::Event as LedgerEvent;
-use crate::wiring::vehicle_parts::attitude;
+use crate::{runtime::EventKind, runtime::ledger::Event as LedgerEvent, wiring::vehicle_parts::attitude};
 use base::time::{Span, Tai};
 use config::{Action, Event, link_flag};
 use frames::sink::{FrameFault, PixelsOf};
 use link::tap::{FaultControl, LinkFault};
 use serde::Serialize;
-use testbed::acs::Command;
-use testbed::vehicle::VehicleFault;
+use testbed::{acs::Command, vehicle::VehicleFault};
 
 /// Time by which delayed packets and the error of the flight computer's clock estimate outlast a fault of the bus.
 const BUS_AFTERMATH: Span = Span::from_ms(2000);

@@ -1,12 +1,7 @@
 //! Flies an assembled run to its end, on the clock that it has.
 
-use crate::runtime::RunRecord;
-use crate::wiring::assemble::Run;
-use crate::wiring::error::LoopError;
-use crate::wiring::real;
-use crate::wiring::run_clock::RunClock;
-use crate::wiring::run_end::RunEnd;
-use crate::wiring::stepped::SteppedRun;
+use crate::wiring::{assemble::Run, error::LoopError, run_clock::RunClock, run_end::RunEnd, stepped::SteppedRun};
+use crate::{runtime::RunRecord, wiring::real};
 use core::sync::atomic::{AtomicBool, Ordering};
 use frames::sink::SentFrame;
 use std::sync::Arc;

@@ -4,13 +4,12 @@
 //! flown. Heads share the stars and the almanac. With a calibrated display and a spacecraft inside, each frame is drawn
 //! twice: for the display, and as the spacecraft's own tracker sees it.
 
-use crate::runtime::frame_faults::FrameFaults;
-use crate::runtime::receiver::Receiver;
 use crate::runtime::{FrameEngine, Imager, RunParams};
-use crate::wiring::bench_parts;
 use crate::wiring::display_parts::{calibrated_display, take_display};
-use crate::wiring::faults::HeadSize;
-use crate::wiring::motion::script_scale;
+use crate::{
+    runtime::frame_faults::FrameFaults, runtime::receiver::Receiver, wiring::bench_parts, wiring::faults::HeadSize,
+    wiring::motion::script_scale,
+};
 use anyhow::Result;
 use base::axes::{Body, Rotation, Sensor};
 use base::clock::{Clock, Monotonic};

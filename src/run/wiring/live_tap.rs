@@ -1,15 +1,13 @@
 //! The live view of a run: a page with the newest frame of each head and the run's numbers.
 
-use crate::runtime::FrameEngine;
-use crate::wiring::heads::RunHead;
+use crate::{runtime::FrameEngine, wiring::heads::RunHead};
 use anyhow::{Context, Result};
 use base::clock::{Clock, Monotonic};
 use config::Bench;
 use frames::report::Stage;
 use frames::sink::{NullSink, Tee};
 use outputs::live::{HeadParams, LiveView, Numbers, Params};
-use std::net::SocketAddr;
-use std::sync::Arc;
+use std::{net::SocketAddr, sync::Arc};
 
 /// Address of the live view.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -10,9 +10,7 @@
 //! on the camera. Estimates err upwards. Limits: memory of a graphics card and its driver is not counted. Tests: below,
 //! `hil_scripts/test_files.py` (limits set from outside).
 
-use crate::runtime::delivery;
-use crate::runtime::real_time::STARS_AT_FIRST;
-use crate::runtime::tracker_out::FRAMES_WAITING;
+use crate::runtime::{delivery, real_time::STARS_AT_FIRST, tracker_out::FRAMES_WAITING};
 use base::memory::{Available, available, available_in_process};
 use config::{Backend, Bench, Camera, Sink, SinkSettings, TrackerSource};
 use core::fmt;

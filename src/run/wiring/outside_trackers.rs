@@ -1,8 +1,7 @@
 //! The built-in star trackers beside an external plant: a checked scenario -> a tracker for each head.
 
-use crate::runtime::OutsideTracker;
-use crate::wiring::error::LoopError;
 use crate::wiring::vehicle_parts::{camera_orders, tracker_params};
+use crate::{runtime::OutsideTracker, wiring::error::LoopError};
 use base::time::Tai;
 use config::{OutsideTrackers, Scenario};
 use stars::catalog::Catalog;

@@ -1,7 +1,6 @@
 //! A checked plain link -> its ends over UDP or TCP, and the address for external programs.
 
-use base::clock::Clock;
-use base::time::Span;
+use base::{clock::Clock, time::Span};
 use config::{Link, Plain};
 use link::LinkError;
 use link::plain::{Encoding, PlainLayout};

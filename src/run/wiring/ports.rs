@@ -1,22 +1,18 @@
 //! The links of a checked bench -> the stimulator's ports, and the far end's if it is simulated too.
 
-use crate::runtime::edge_thread::TriggerChip;
-use crate::wiring::trigger_lines::open_chips;
 use crate::wiring::{bench_parts, plain_ends, tracker_outs};
+use crate::{runtime::edge_thread::TriggerChip, wiring::trigger_lines::open_chips};
 use anyhow::{Context, Result};
 use base::clock::{Clock, PairedReading};
 use base::time::Span;
 use config::{self, Bench, Carrier, GatewayPorts, Link, Wire};
 use firmware_protocol::can::IdMap;
 use link::gateway::{GatewayParams, Gateways};
-use link::pps::Pps;
 use link::serial::{FlowControl, Parity, SerialLink, SerialParams, StopBits};
-use link::simulated::SimulatedBus;
 use link::socketcan::{Receives, SocketCanLink, SocketCanParams};
-use link::udp::UdpLink;
 use link::{Link as LinkEnd, LinkError, Port};
-use std::path::Path;
-use std::sync::Arc;
+use link::{pps::Pps, simulated::SimulatedBus, udp::UdpLink};
+use std::{path::Path, sync::Arc};
 
 /// The ports of a run.
 pub struct Ports {

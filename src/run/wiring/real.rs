@@ -5,19 +5,14 @@
 //! the sink threads deliver them; a vehicle looks every [`POLL`]. Orders from outside, such as events that are
 //! injected, reach the frame thread between two slots and the far end's thread between two steps.
 
-use crate::runtime::error::FarEndError;
 use crate::runtime::hygiene::{Hygiene, Role};
 use crate::runtime::real_parts::{Head, Setting, Sources};
-use crate::runtime::real_time::run_in;
 use crate::runtime::{RunError, RunOutcome, RunRecord};
-use crate::wiring::assemble::Run;
-use crate::wiring::cable::Cable;
-use crate::wiring::error::LoopError;
-use crate::wiring::far_side::FarSide;
-use crate::wiring::replay::Recording;
 use crate::wiring::run_end::{Flown, RunEnd, keep_first, losses};
 use crate::wiring::steering::{FarOrder, Orders};
 use crate::wiring::verdict::{Promise, limits};
+use crate::wiring::{assemble::Run, cable::Cable, error::LoopError, far_side::FarSide, replay::Recording};
+use crate::{runtime::error::FarEndError, runtime::real_time::run_in};
 use base::clock::{Clock, Monotonic};
 use base::time::Span;
 use core::sync::atomic::{AtomicBool, Ordering};

@@ -1,20 +1,14 @@
 //! Results of a run, finished or in progress, and their expected values by linear theory.
 
 use crate::runtime::{EventKind, PortReading, RunError, RunParams, RunRecord, note_lost_reader, sink_rows};
-use crate::wiring::assessment::Assessment;
-use crate::wiring::error::LoopError;
-use crate::wiring::faults::FaultLine;
-use crate::wiring::heads::RunHead;
-use crate::wiring::run_times::RunTimes;
 use crate::wiring::verdict::{CutShort, Facts, Promise, verdict};
+use crate::wiring::{assessment::Assessment, error::LoopError, faults::FaultLine, heads::RunHead, run_times::RunTimes};
 use base::time::{Span, Tai};
 use base::units::ARCSEC;
 use frames::report::{FrameAccount, GatewayRow, HygieneLine, Losses, RunSummary, RunVerdict};
 use frames::sink::{SinkLine, SinkSummary};
-use testbed::acs::linear::PointingLoop;
-use testbed::acs::pointing_error::PointingNoise;
 use testbed::estimator::{GyroNoise, MekfCounts};
-use testbed::vehicle::Vehicle;
+use testbed::{acs::linear::PointingLoop, acs::pointing_error::PointingNoise, vehicle::Vehicle};
 
 /// Counts of a run's spacecraft, and their expected values by linear theory.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

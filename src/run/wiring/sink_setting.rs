@@ -1,15 +1,12 @@
 //! Setting with which the sinks of one camera head are made.
 
 use crate::runtime::exposing::Exposing;
-use base::clock::Clock;
-use base::time::Span;
+use base::{clock::Clock, time::Span};
 use core::cell::RefCell;
-use frames::camera_control::DeskEnd;
-use frames::sink::SentFrame;
+use frames::{camera_control::DeskEnd, sink::SentFrame};
 use outputs::display::calibration::Calibration;
 use scene::camera::CameraParams;
-use std::path::Path;
-use std::sync::Arc;
+use std::{path::Path, sync::Arc};
 
 /// Parameters of the sinks of one camera head.
 pub struct SinkSetting<'a> {

@@ -4,14 +4,12 @@
 //! longer than a frame. On the virtual clock they run in step ([`OnFull::Wait`]), also with a thread, so that a sink
 //! that blocks can be abandoned. Only the null sink needs no thread and is called directly ([`Alone`]).
 
-use crate::wiring::display_parts::open_display;
-use crate::wiring::sink_setting::SinkSetting;
+use crate::wiring::{display_parts::open_display, sink_setting::SinkSetting};
 use anyhow::{Context, Result};
 use base::streams::say;
 use config::{DisplaySettings, Sink as Kind, SinkSettings};
-use frames::camera_control::desk;
-use frames::sink::shared_memory::SharedMemory;
 use frames::sink::{Alone, BranchParams, Fan, NullSink, OnFull, Recorder, RecorderOptions, Sink};
+use frames::{camera_control::desk, sink::shared_memory::SharedMemory};
 use outputs::display::MonitorChoice;
 use outputs::network_camera::{self, CommandParams, NetworkCamera, SensorParams};
 use std::path::{Component, Path, PathBuf};
@@ -219,8 +217,7 @@ pub fn described_lines(sinks: &[SinkSettings]) -> impl Iterator<Item = (String, 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use base::clock::Clock;
-    use base::time::Span;
+    use base::{clock::Clock, time::Span};
     use config::{Bench, Document};
     use frames::sink::SentFrame;
     use scene::camera::CameraParams;

@@ -9,13 +9,10 @@
 use crate::runtime::ledger::{Event as LedgerEvent, EventKind};
 use crate::runtime::real_parts::{FrameOrder, HeadParts};
 use crate::runtime::{PlantSample, RunError, RunRecord};
-use crate::wiring::control::NewestFrames;
-use crate::wiring::error::LoopError;
-use crate::wiring::far_side::FarSide;
 use crate::wiring::fault_desk::{FaultDesk, make_ready};
-use crate::wiring::heads::RunHead;
-use crate::wiring::replay::SampleTap;
-use crate::wiring::run_times::RunTimes;
+use crate::wiring::{
+    control::NewestFrames, error::LoopError, far_side::FarSide, heads::RunHead, replay::SampleTap, run_times::RunTimes,
+};
 use base::clock::Clock;
 use base::time::{Span, Tai};
 use config::{Action, Event};

@@ -10,19 +10,14 @@ use crate::runtime::ledger::{Event as LedgerEvent, EventKind};
 use crate::runtime::virtual_time::{Head, VirtualLoop, World, last_release};
 use crate::runtime::{Ledger, PlantSample, PortReading, RunError, RunParams, RunRecord, TrackerOutput, lines_of_head};
 use crate::wiring::assemble::{Outputs, Run, RunOptions};
-use crate::wiring::cable::Cable;
-use crate::wiring::error::LoopError;
-use crate::wiring::far_side::FarSide;
 use crate::wiring::fault_desk::{FaultDesk, make_ready};
-use crate::wiring::faults::FaultLine;
-use crate::wiring::heads::RunHead;
-use crate::wiring::outside_trackers::outside_trackers;
-use crate::wiring::run_clock::RunClock;
 use crate::wiring::run_end::{Flown, LoopView, RunEnd, keep_first, losses};
-use crate::wiring::run_times::RunTimes;
-use crate::wiring::taps::Taps;
-use crate::wiring::tracker_outs::TrackerOuts;
 use crate::wiring::verdict::{CutShort, Facts, Promise, limits, verdict};
+use crate::wiring::{
+    cable::Cable, error::LoopError, far_side::FarSide, faults::FaultLine, heads::RunHead,
+    outside_trackers::outside_trackers, run_clock::RunClock, run_times::RunTimes, taps::Taps,
+    tracker_outs::TrackerOuts,
+};
 use base::axes::{Body, Rotation, Sensor};
 use base::clock::{Clock, Virtual};
 use base::time::{Span, Tai};

@@ -1,8 +1,6 @@
 //! Observers of a run besides its sinks: capture and live view; the same on both clocks.
 
-use crate::wiring::live_tap::LiveTap;
-use crate::wiring::replay::Recording;
-use crate::wiring::run_end::RunEnd;
+use crate::wiring::{live_tap::LiveTap, replay::Recording, run_end::RunEnd};
 use base::time::Tai;
 
 /// The taps of one run.

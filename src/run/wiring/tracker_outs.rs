@@ -7,28 +7,22 @@ use crate::runtime::tracker_out::{
     Damage, DamageKind, OutShared, OutThread, Outlet, OutletError, TapParts, Telemeter, TelemeterParams, TrackerEyes,
     UdpParams, tracker_tap,
 };
-use crate::wiring::error::LoopError;
-use crate::wiring::heads::RunHead;
-use crate::wiring::run_clock::RunClock;
-use crate::wiring::run_times::RunTimes;
 use crate::wiring::vehicle_parts::{exposed_light, tracker_params};
+use crate::wiring::{error::LoopError, heads::RunHead, run_clock::RunClock, run_times::RunTimes};
 use base::clock::Clock;
 use base::time::{Span, Tai};
 use config::{Scenario, TrackerLine, TrackerOut, TrackerOutFault, TrackerOutFaultKind, TrackerProtocol, TrackerSource};
 use frames::camera_control::{CameraDesk, desk};
 use frames::sink::NullSink;
-use link::gateway::GatewayParams;
-use link::simulated::SimulatedBus;
+use link::{gateway::GatewayParams, simulated::SimulatedBus};
 use stars::catalog::Catalog;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use telemetry::canopen::eds::SHIPPED;
 use telemetry::canopen::{CanOpenDevice, NodeParams};
-use telemetry::ccsds::CcsdsDevice;
-use telemetry::json::JsonDevice;
-use telemetry::nos3::Nos3Device;
-use telemetry::sagitta::SagittaDevice;
 use telemetry::{Device, Limits, Sense};
+use telemetry::{
+    canopen::eds::SHIPPED, ccsds::CcsdsDevice, json::JsonDevice, nos3::Nos3Device, sagitta::SagittaDevice,
+};
 use testbed::tracker::{GuideStars, StarNoise, Tracker, TrackerParams};
 use testbed::tracker_model::{NoiseMethod, TrackerModel};
 use testbed::vehicle::VehicleError;

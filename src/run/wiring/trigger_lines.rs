@@ -1,8 +1,6 @@
 //! The GPIO lines of a bench -> chips to listen to, and heads that wait for their edges.
 
-use crate::runtime::edge_thread::TriggerChip;
-use crate::runtime::ledger::Ledger;
-use crate::wiring::heads::RunHead;
+use crate::{runtime::edge_thread::TriggerChip, runtime::ledger::Ledger, wiring::heads::RunHead};
 use anyhow::{Context, Result, bail};
 use base::clock::{Clock, PairedReading};
 use config::{Bench, TriggerLine};

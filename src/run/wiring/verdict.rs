@@ -4,10 +4,9 @@
 //! ([`FrameAccount`]), and one word with its reasons ([`RunVerdict`]). The same on both clocks and in a run's replay.
 //! Tests: `tests/closed_loop/verdicts.rs`, `hil_scripts/test_broken_benches.py`.
 
-use crate::runtime::exposing::Exposing;
 use crate::runtime::run_word::{Missing, missing};
 use crate::runtime::{EventKind, PortReading, RunRecord};
-use crate::wiring::heads::RunHead;
+use crate::{runtime::exposing::Exposing, wiring::heads::RunHead};
 use base::time::Tai;
 use config::{Bench, Carrier, GatewayPorts, Link, Scenario, SessionStart, Wire};
 use frames::report::{FrameAccount, FrameEnd, Losses, Reason, RunLimits, RunVerdict, RunWord};

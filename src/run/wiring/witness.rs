@@ -9,16 +9,13 @@
 //! * every frame scheduled went out or was dropped;
 //! * after the last of overlapping faults the loop points again within the stated time.
 
-use crate::runtime::RunRecord;
-use crate::wiring::assessment::Assessment;
-use crate::wiring::faults::FaultLine;
+use crate::{runtime::RunRecord, wiring::assessment::Assessment, wiring::faults::FaultLine};
 use base::axes::{Body, COMPUTED_NORM_TOLERANCE, Icrf, Rotation, Sensor};
 use base::time::{Span, Tai};
 use base::units::ARCSEC;
 use config::Scenario;
 use frames::sink::FrameMeta;
-use testbed::acs::ModeEvent;
-use testbed::vehicle::TelemetryRow;
+use testbed::{acs::ModeEvent, vehicle::TelemetryRow};
 
 /// Error of the attitude on the wire and of interpolation between records, 0.03 arcsec, with a margin for the control's
 /// torque steps between two records.

@@ -1,12 +1,10 @@
 use super::*;
 use base::axes::{Icrf, Rotation, Sensor, sensor_from_ra_dec_roll};
 use base::units::{ARCSEC, DEG, SPEED_OF_LIGHT_KM_S};
-use plan::exposure::Shutter;
-use plan::optics::Radiometry;
+use plan::{exposure::Shutter, optics::Radiometry};
 use sky::astrometry::{BrownConrady, CameraParameters};
-use sky::earth;
-use sky::observer::Observer;
 use sky::orbit::{CircularOrbit, TleOrbit};
+use sky::{earth, observer::Observer};
 
 /// Resolution of SGP4's time, seconds since 1970 in f64: 2.4e-7 s, at 10 km/s, twice.
 const TIME_STEP_KM: f64 = 5e-6;

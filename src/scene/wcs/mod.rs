@@ -14,8 +14,7 @@
 mod lens;
 
 use base::axes::{Icrf, Rotation, Sensor};
-use base::least_squares::Basis;
-use base::source::ra_dec_rad;
+use base::{least_squares::Basis, source::ra_dec_rad};
 use frames::sink::Wcs;
 use glam::{DVec2, DVec3};
 use image::detector::window::OutputGeometry;

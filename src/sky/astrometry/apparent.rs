@@ -14,8 +14,7 @@
 use super::space_motion::moved_in_space;
 use super::{Sight, Vantage, parallax_shifted};
 use base::source::{CatalogSource, ProperMotion};
-use base::time::Tai;
-use base::units::MAS;
+use base::{time::Tai, units::MAS};
 use glam::DVec3;
 
 /// Years over which places were compared with independent ephemerides and found good to 1 mas.
@@ -68,8 +67,7 @@ pub fn years_since(epoch_yr: f64, at: Tai) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::earth;
-    use crate::state::BarycentricState;
+    use crate::{earth, state::BarycentricState};
     use base::source::direction_from_ra_dec;
     use base::units::{ARCSEC, DEG};
     use stars::catalog::Catalog;

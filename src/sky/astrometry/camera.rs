@@ -6,9 +6,8 @@
 //! Tests below: round trip to [`ROUND_TRIP_PX`], Jacobian against differences, domain; independent projection in
 //! `tests/physics/apparent_places`.
 
-use super::AstrometryError;
 use super::distortion::{BrownConrady, Distortion, Domain};
-use super::distortion_polynomial::PolynomialDistortion;
+use super::{AstrometryError, distortion_polynomial::PolynomialDistortion};
 use glam::{DVec2, DVec3};
 
 /// Largest image side accepted, px.

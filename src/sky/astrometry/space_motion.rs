@@ -11,8 +11,7 @@
 //! 2050, and 17 to 10, at 30 km/s; nearly all stay below 0.1. A source without proper motion stays. Tests:
 //! `follows_a_published_position`, `tests/physics/space_motion.rs` (these numbers) and `tests/physics/apparent_places`.
 
-use base::source::ProperMotion;
-use base::units::MAS;
+use base::{source::ProperMotion, units::MAS};
 use glam::DVec3;
 
 /// Returns the direction `years` (Julian) after the epoch of `direction_icrf`, as seen from the barycentre; unit

@@ -4,9 +4,7 @@
 
 use super::aberration::Aberration;
 use super::deflection::{Deflection, MOST_RAD};
-use crate::ObserverError;
-use crate::observer::ObserverTrack;
-use crate::state::BarycentricState;
+use crate::{ObserverError, observer::ObserverTrack, state::BarycentricState};
 use base::time::Tai;
 use base::units::{AU_KM, MAS, SPEED_OF_LIGHT_KM_S};
 use glam::DVec3;

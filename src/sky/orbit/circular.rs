@@ -3,11 +3,8 @@
 //! Axes: equator and equinox J2000, taken as ICRF (25 mas). Limits: no oblateness, so the node does not regress (up to
 //! 8 degrees per day in low orbit) and no drag: a stand-in for an orbit's geometry, not for a given spacecraft.
 
-use crate::ObserverError;
-use crate::orbit::EARTH_GM_KM3_S2;
-use crate::state::BarycentricState;
-use base::time::Tai;
-use base::units::DEG;
+use crate::{ObserverError, orbit::EARTH_GM_KM3_S2, state::BarycentricState};
+use base::{time::Tai, units::DEG};
 use core::f64::consts::TAU;
 use glam::DVec3;
 

@@ -1,9 +1,7 @@
 //! A text of mean elements in any form -> the set of one object that is nearest in time.
 
-use super::TleOrbit;
-use super::omm;
-use super::omm_forms::form_of;
-use super::tle::is_line;
+use super::{TleOrbit, omm};
+use super::{omm_forms::form_of, tle::is_line};
 use crate::ObserverError;
 use base::time::Tai;
 

@@ -5,14 +5,10 @@
 //! elements are made (the mode the crate calls AFSPC-compatible). SGP4's own error is km and m/s near the epoch and
 //! grows by km per day in low orbit: 1 m/s is 0.7 mas of aberration.
 
-use super::CentralBody;
-use super::precession::icrf_from_teme;
-use crate::ObserverError;
-use crate::state::BarycentricState;
-use base::time::Tai;
-use base::units::DAY_S;
-use core::f64::consts::TAU;
-use core::ops::RangeInclusive;
+use super::{CentralBody, precession::icrf_from_teme};
+use crate::{ObserverError, state::BarycentricState};
+use base::{time::Tai, units::DAY_S};
+use core::{f64::consts::TAU, ops::RangeInclusive};
 use glam::DVec3;
 use sgp4::chrono::Datelike;
 use std::collections::BTreeSet;

@@ -23,8 +23,7 @@
 //!
 //! So give a state near the time it is used at. Tests: below, against 40-digit arithmetic and a published case.
 
-use crate::ObserverError;
-use crate::state::BarycentricState;
+use crate::{ObserverError, state::BarycentricState};
 use base::time::Tai;
 use core::f64::consts::TAU;
 use glam::DVec3;

@@ -10,10 +10,8 @@
 //! which the aberration by the Earth's motion undoes nearly whole, by 20. Deflection of light by the Earth: below 1
 //! mas, left out. Tests: below against a fixed point of its own; `hil_scripts/test_targets.py` against another program.
 
-use crate::ObserverError;
-use crate::followed::check_state;
 use crate::orbit::{CentralBody, CircularOrbit, TleOrbit, TwoBodyOrbit};
-use crate::state::BarycentricState;
+use crate::{ObserverError, followed::check_state, state::BarycentricState};
 use base::time::{Span, Tai};
 use base::units::SPEED_OF_LIGHT_KM_S;
 use glam::DVec3;

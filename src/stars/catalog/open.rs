@@ -5,13 +5,10 @@ use super::layout::{
     DEC_STEP_RAD, HEADER_BYTES, Header, MAGIC, MOST_BYTES, NO_PROPER_MOTION, NUMBER_BYTES, PARALLAX_BYTES,
     PARALLAX_STEP_MAS, PM_STEP_MAS_YR, RA_STEP_RAD, RECORD_BYTES, StarRecord, TILE_ORDER, TILES, VERSION, file_crc32,
 };
-use crate::StarIndex;
-use crate::cover::chord_squared;
-use crate::numbering::Numbering;
 use crate::steps::{MAG_STEP, NO_PARALLAX, mag_of, source, u32_at};
-use base::input_file::read_bytes;
+use crate::{StarIndex, cover::chord_squared, numbering::Numbering};
 use base::source::{CatalogSource, direction_from_ra_dec};
-use base::source_id::SourceId;
+use base::{input_file::read_bytes, source_id::SourceId};
 use glam::DVec3;
 use std::path::Path;
 

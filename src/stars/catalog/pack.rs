@@ -15,9 +15,8 @@ use super::layout::{
     DEC_STEP_RAD, FASTEST_MAS_YR, Header, MOST_STARS, NO_PROPER_MOTION, PARALLAX_STEP_MAS, PM_STEP_MAS_YR, RA_STEP_RAD,
     StarRecord, TILE_ORDER, TILES, VERSION, file_crc32,
 };
-use crate::credits::credits_of;
-use crate::numbering::Origins;
 use crate::steps::{COLOUR_DOMAIN_MAG, FAINTEST_MAG, MAG_STEP, MAG_ZERO, NO_PARALLAX, nearest_i16, nearest_u16};
+use crate::{credits::credits_of, numbering::Origins};
 use base::units::DEG;
 use csv::StringRecord;
 use std::io::Read;

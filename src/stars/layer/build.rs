@@ -11,14 +11,12 @@
 //! that an import cut short there goes on too ([`Sorting::is_finishing`]). A star whose row comes twice (the same
 //! number, place and magnitude) is taken once and counted. Tests: `tests`.
 
-use super::error::LayerError;
 use super::layout::{TileFrame, order_for, tiles_of};
 use super::runs::{RunSort, SORTED_BYTES, each_row, new_file};
 use super::star::{NewStar, ROW_BYTES, StarCounts, TakenStar, WaitingRow};
-use super::twins::Twins;
 use super::writer::{Head, LayerReport, LayerWriter, UnnamedLayer, sync_folder_of};
-use crate::credits::credits_of;
-use crate::numbering::Origins;
+use super::{error::LayerError, twins::Twins};
+use crate::{credits::credits_of, numbering::Origins};
 use base::input_file::{DATA_BYTES, read_bytes};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};

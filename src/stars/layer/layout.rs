@@ -243,8 +243,7 @@ pub(super) fn head_crc32(head: &[u8]) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use base::source::ra_dec_rad;
-    use base::units::MAS;
+    use base::{source::ra_dec_rad, units::MAS};
 
     #[test]
     fn header_and_record_round_trip() {

@@ -23,14 +23,11 @@ mod writer;
 
 pub use build::{LEAST_MEMORY_BYTES, MEMORY_BYTES, Sorting, layer_name};
 pub use error::LayerError;
-pub use layout::FASTEST_MAS_YR;
-pub use layout::{StarRecord, order_for, tiles_of};
+pub use layout::{FASTEST_MAS_YR, StarRecord, order_for, tiles_of};
 pub use open::{Layer, UNKNOWN_BP_RP_MAG, is_layer};
 pub use set::{LayerSet, TileId};
-pub use star::tile_records;
-pub use star::{NewStar, StarCounts, TakenStar};
-pub use writer::LayerReport;
-pub use writer::{Head, LayerWriter, UnnamedLayer};
+pub use star::{NewStar, StarCounts, TakenStar, tile_records};
+pub use writer::{Head, LayerReport, LayerWriter, UnnamedLayer};
 
 #[cfg(test)]
 mod tests;

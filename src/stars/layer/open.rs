@@ -5,19 +5,15 @@
 //! pieces of a megabyte, so that memory is taken for stars that are there and bright enough, and not for what a head
 //! promises.
 
-use super::error::LayerError;
 use super::layout::{
     FASTEST_MAS_YR, HEADER_BYTES, Header, LEAST_ORDER, LONGEST_CREDITS, MAGIC, MOST_ORDER, NO_COLOUR, NUMBER_BYTES,
     PARALLAX_STEP_MAS, RECORD_BYTES, StarRecord, TileFrame, VERSION, VERSION_WITHOUT_NUMBERS, head_crc32, tiles_of,
 };
-use super::writer::head_bytes;
-use crate::StarIndex;
-use crate::cover::chord_squared;
+use super::{error::LayerError, writer::head_bytes};
 use crate::numbering::{NO_NUMBER, Numbering};
 use crate::steps::{MAG_STEP, MAG_ZERO, NO_PARALLAX, mag_of, source};
-use base::source::CatalogSource;
-use base::source_id::SourceId;
-use base::units::DEG;
+use crate::{StarIndex, cover::chord_squared};
+use base::{source::CatalogSource, source_id::SourceId, units::DEG};
 use core::cmp::Ordering;
 use glam::DVec3;
 use std::fs::File;

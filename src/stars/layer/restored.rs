@@ -4,10 +4,8 @@
 //! import would take it to be its neighbour's. Such a star is given less than half a step inside, so that it rounds to
 //! where it was: layer -> stars -> layer gives the same bytes (`imports::hats::tests::layers_come_back_as_they_were`).
 
-use super::error::LayerError;
 use super::layout::{NO_COLOUR, PARALLAX_STEP_MAS, StarRecord, TileFrame};
-use super::open::Layer;
-use super::star::NewStar;
+use super::{error::LayerError, open::Layer, star::NewStar};
 use crate::steps::{MAG_STEP, NO_PARALLAX, mag_of};
 use base::source::ra_dec_rad;
 
@@ -79,8 +77,7 @@ fn magnitude(g: u16, [from, below]: [f32; 2]) -> f64 {
 mod tests {
     use super::*;
     use crate::steps::MAG_ZERO;
-    use base::source::direction_from_ra_dec;
-    use base::units::MAS;
+    use base::{source::direction_from_ra_dec, units::MAS};
 
     #[test]
     fn stars_beyond_the_edge_of_their_tile_are_given_inside_it() {

@@ -4,11 +4,8 @@
 //! missing; all are of one epoch. A star's `id` is its place in its layer after the stars of the layers before. Layers
 //! that begin beyond the limiting magnitude are left closed. A catalog in memory is a sky of one layer. Tests: `tests`.
 
-use super::error::LayerError;
-use super::layout::tiles_of;
-use super::open::Layer;
-use crate::StarIndex;
-use crate::catalog::Catalog;
+use super::{error::LayerError, layout::tiles_of, open::Layer};
+use crate::{StarIndex, catalog::Catalog};
 use base::source::{CatalogSource, direction_from_ra_dec};
 use base::source_id::SourceId;
 use glam::DVec3;

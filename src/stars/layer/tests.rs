@@ -2,9 +2,8 @@
 
 use super::*;
 use crate::cover::chord_squared;
-use base::source::direction_from_ra_dec;
-use base::source_id::SourceId;
 use base::units::{DEG, MAS};
+use base::{source::direction_from_ra_dec, source_id::SourceId};
 use core::f64::consts::{PI, TAU};
 use glam::DVec3;
 use rand::rngs::StdRng;

@@ -4,15 +4,13 @@
 //! the records last. The file gets its name when it is whole and on the disk; on any failure nothing of it is left.
 //! Memory: the tables of the head, 12 to 16 bytes a tile (200 MB at the finest order), and two buffers.
 
-use super::error::LayerError;
 use super::layout::{
     HEADER_BYTES, Header, LONGEST_CREDITS, NUMBER_BYTES, RECORD_BYTES, StarRecord, VERSION, VERSION_WITHOUT_NUMBERS,
     tiles_of,
 };
-use super::runs::new_file;
+use super::{error::LayerError, runs::new_file};
 use crate::numbering::Numbering;
-use base::source_id::SourceId;
-use base::unfinished;
+use base::{source_id::SourceId, unfinished};
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};

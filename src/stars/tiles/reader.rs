@@ -9,8 +9,7 @@ use super::block::{Decoder, TileStar};
 use crate::layer::{LayerError, TileId};
 use core::sync::atomic::{AtomicU64, Ordering};
 use crossbeam_channel::{Receiver, Sender, TryRecvError, bounded, select};
-use std::sync::Arc;
-use std::thread::JoinHandle;
+use std::{sync::Arc, thread::JoinHandle};
 
 /// Names that may wait in each queue, and blocks.
 const QUEUE: usize = 16_384;

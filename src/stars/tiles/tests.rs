@@ -1,9 +1,8 @@
 //! Fields of tiles against the catalog that the layers were made of.
 
 use super::*;
-use crate::catalog::Catalog;
 use crate::layer::{LayerSet, NewStar, Sorting};
-use crate::numbering::stored_number;
+use crate::{catalog::Catalog, numbering::stored_number};
 use base::source::{CatalogSource, direction_from_ra_dec, ra_dec_rad};
 use base::units::{DEG, MAS};
 use glam::DVec3;

@@ -2,11 +2,9 @@
 
 use super::*;
 use crate::canopen::{CanOpenDevice, NodeParams};
-use crate::ccsds::CcsdsDevice;
-use crate::nos3::Nos3Device;
-use crate::sagitta::SagittaDevice;
 use crate::sample::{lost, report};
 use crate::{Device, Limits, Report, Sense};
+use crate::{ccsds::CcsdsDevice, nos3::Nos3Device, sagitta::SagittaDevice};
 use base::time::Span;
 use firmware_protocol::can::{CanFrame, CanId};
 use proptest::prelude::*;

@@ -1,14 +1,11 @@
 //! Body, gyro, late tracker, estimator and control together, against the paper of [`super::pointing_error`].
 
-use super::control::Acs;
-use super::filter::StructuralFilter;
 use super::interface::{AcsInput, Command};
-use super::laws::Gains;
-use super::linear::PointingLoop;
-use super::mode_logic::Mode;
-use super::params::AcsParams;
 use super::pointing_error::{PointingNoise, PointingPrediction};
 use super::test_body::{PERIOD, TestBody, params, start};
+use super::{
+    control::Acs, filter::StructuralFilter, laws::Gains, linear::PointingLoop, mode_logic::Mode, params::AcsParams,
+};
 use crate::estimator::{GyroNoise, Mekf, MekfParams};
 use base::axes::{Body, Icrf, Rotation};
 use base::time::{Span, Tai};

@@ -3,17 +3,14 @@
 //! Input: estimated attitude and rate, Sun, wheel momentum. Output: torque on the body, mode and its changes. Pure
 //! function of its inputs and time; nothing allocates.
 
-use super::avoidance::KeepOut;
-use super::feedback_loop::FeedbackLoop;
-use super::filter::StructuralFilter;
 use super::interface::{AcsInput, AcsOutput, Command};
 use super::laws::{Gains, error_to_direction, gyroscopic, limited};
 use super::mode_logic::{Cause, Mode, ModeEvent, ModeLogic, Situation};
 use super::params::{AcsError, AcsParams};
 use super::slew::{Leg, Reference, SlewLimits, SlewPath};
+use super::{avoidance::KeepOut, feedback_loop::FeedbackLoop, filter::StructuralFilter};
 use base::axes::{Body, Icrf, Rotation};
-use base::time::Tai;
-use base::units::DEG;
+use base::{time::Tai, units::DEG};
 use core::f64::consts::TAU;
 use glam::DVec3;
 

@@ -8,9 +8,7 @@
 //! Assumptions: small angles, no saturation, attitude and rate equally late, no aliasing (frequencies well below half
 //! the control frequency). Tests: `linear_tests.rs`, against a simulated double integrator with held, late torque.
 
-use super::complex::Complex;
-use super::filter::StructuralFilter;
-use super::laws::Gains;
+use super::{complex::Complex, filter::StructuralFilter, laws::Gains};
 use core::f64::consts::TAU;
 
 /// Frequencies searched for the crossover, in units of the natural frequency, and steps per factor of ten.

@@ -1,9 +1,6 @@
 //! The loop on paper against a simulated double integrator with held, late torque, and against textbook formulae.
 
-use super::filter::StructuralFilter;
-use super::laws::Gains;
-use super::linear::PointingLoop;
-use super::pointing_error::PointingNoise;
+use super::{filter::StructuralFilter, laws::Gains, linear::PointingLoop, pointing_error::PointingNoise};
 use crate::estimator::{Farrenkopf, GyroNoise};
 use base::units::{ARCSEC, DEG};
 use core::f64::consts::TAU;

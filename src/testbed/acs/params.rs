@@ -1,10 +1,7 @@
 //! Parameters of the attitude control for its spacecraft, and the errors of bad ones.
 
-use super::avoidance::KeepOut;
-use super::filter::StructuralFilter;
-use super::laws::Gains;
 use super::mode_logic::{Mode, Thresholds};
-use super::slew::SlewLimits;
+use super::{avoidance::KeepOut, filter::StructuralFilter, laws::Gains, slew::SlewLimits};
 use base::time::Span;
 use glam::{DMat3, DVec3};
 

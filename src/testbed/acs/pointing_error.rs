@@ -19,8 +19,7 @@
 //! Assumptions: a tracker gain well below 1 and a tracker period short against the loop (else the updates are steps
 //! and no continuous observer). Test: `linear_tests.rs`, a simulation within 5 %.
 
-use super::complex::Complex;
-use super::linear::PointingLoop;
+use super::{complex::Complex, linear::PointingLoop};
 use crate::estimator::{Farrenkopf, GyroNoise};
 
 /// Decades below the lowest and above the highest corner that are integrated, and points per decade.

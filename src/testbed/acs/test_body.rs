@@ -1,13 +1,9 @@
 //! A rigid body with wheels for the tests of this module, and settings for it.
 
-use super::avoidance::KeepOut;
-use super::control::Acs;
-use super::filter::StructuralFilter;
 use super::interface::{AcsInput, AcsOutput};
-use super::laws::Gains;
 use super::mode_logic::{ModeEvent, Thresholds};
 use super::params::{AcsParams, SafeParams, UnloadParams};
-use super::slew::SlewLimits;
+use super::{avoidance::KeepOut, control::Acs, filter::StructuralFilter, laws::Gains, slew::SlewLimits};
 use base::axes::{Body, Icrf, Rotation};
 use base::time::{Span, Tai};
 use base::units::DEG;

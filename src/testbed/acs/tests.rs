@@ -1,12 +1,10 @@
 //! The control closed around a rigid body with wheels, knowledge perfect.
 
-use super::control::Acs;
-use super::filter::StructuralFilter;
-use super::interface::Command;
 use super::laws::{Gains, error_to_direction, limited};
 use super::mode_logic::{Cause, Mode};
 use super::params::{AcsError, AcsParams};
 use super::test_body::{KEEP_OUT, PERIOD, TestBody, inertia, params, run, start};
+use super::{control::Acs, filter::StructuralFilter, interface::Command};
 use base::axes::{Body, Icrf, Rotation};
 use base::time::Span;
 use base::units::{ARCSEC, DEG};

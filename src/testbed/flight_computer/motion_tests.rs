@@ -1,6 +1,5 @@
 use super::*;
-use base::time::Span;
-use base::units::DEG;
+use base::{time::Span, units::DEG};
 
 const ZERO: Tai = Tai::from_ns(5_000_000_000);
 /// Step of the central differences.

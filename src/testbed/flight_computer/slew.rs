@@ -131,8 +131,7 @@ impl SlewProfile {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use base::time::Span;
-    use base::units::DEG;
+    use base::{time::Span, units::DEG};
 
     const START: Tai = Tai::from_ns(5_000_000_000);
     /// Step of the central differences.

@@ -3,9 +3,8 @@
 //! Between two rows the file's interpolation applies (`histories::attitude`); a gap of the file has no attitude.
 //! Before its first row and after its last one the body rests, or there is none, as the plant says.
 
-use crate::attitude_truth::AttitudeTruth;
 use crate::flight_computer::motion::{SteadyMotion, WaypointMotion};
-use crate::flight_computer::slew::SlewProfile;
+use crate::{attitude_truth::AttitudeTruth, flight_computer::slew::SlewProfile};
 use base::time::Tai;
 use glam::DVec3;
 use histories::{AttitudeHistory, AttitudeMotion};

@@ -12,8 +12,7 @@
 //!
 //! `tests/gyro.rs`: Allan variance slopes with bounds, scale, quantisation, limits, faults.
 
-use super::check::within;
-use super::error::SpacecraftError;
+use super::{check::within, error::SpacecraftError};
 use crate::noise::Gaussian;
 use base::axes::{Body, Icrf, Rotation};
 use base::time::Span;

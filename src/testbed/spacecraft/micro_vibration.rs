@@ -13,12 +13,9 @@
 //! integration, the sweep's amplification, sampling-independence.
 
 use super::check::{STEP_SMALLEST, check, within};
-use super::error::SpacecraftError;
-use super::free_modes::free_modes;
-use super::history::History;
-use super::params::SpacecraftParams;
 use super::vibration_lines::{Line, Oscillator, lines};
 use super::{KEPT, entries_kept};
+use super::{error::SpacecraftError, free_modes::free_modes, history::History, params::SpacecraftParams};
 use base::time::{Span, Tai};
 use core::f64::consts::TAU;
 use glam::DVec3;

@@ -5,8 +5,7 @@
 //! out. Limits are applied wheel by wheel, as in the hardware: a clipped wheel turns the direction of the torque, and
 //! the caller gets back the torque that was possible. `tests/wheels.rs` tests limits and failures.
 
-use super::equations::outer;
-use super::equations::{Equations, State};
+use super::equations::{Equations, State, outer};
 use super::params::{SpacecraftParams, WHEELS_MAX};
 use glam::{DMat3, DVec3};
 

@@ -7,8 +7,7 @@
 
 use crate::noise::Gaussian;
 use base::axes::{Body, Icrf, Rotation};
-use base::time::Tai;
-use base::units::DEG;
+use base::{time::Tai, units::DEG};
 use glam::DVec3;
 
 /// General precession in longitude, degrees per day.

@@ -4,8 +4,7 @@
 //! decaying modes of the loop are hardly excited. As base jitter of amplitude `A` it is `a = J A w^2`: what a body left
 //! alone would turn by `A`. Test: `tests/closed_forms.rs`.
 
-use super::check::within;
-use super::error::SpacecraftError;
+use super::{check::within, error::SpacecraftError};
 use core::f64::consts::{PI, TAU};
 use glam::DVec3;
 

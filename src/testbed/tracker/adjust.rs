@@ -6,8 +6,7 @@
 //! [`MOST_CHI_SQUARE`] are left out, worst first. Tests: `attitude_errors_follow_the_covariance`,
 //! `an_outlier_is_left_out`.
 
-use super::centroid::Spot;
-use super::geometry::Geometry;
+use super::{centroid::Spot, geometry::Geometry};
 use base::axes::{Icrf, Rotation, Sensor};
 use glam::{DMat2, DMat3, DVec2, DVec3};
 

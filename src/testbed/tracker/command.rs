@@ -8,8 +8,7 @@
 //! two at most from frame to frame; one or two stars may saturate, as they do in trackers. Tests: `tests::commanded`,
 //! `tests/closed_loop/commanding_tracker.rs`.
 
-use super::adjust::MatchedStar;
-use super::params::TrackerParams;
+use super::{adjust::MatchedStar, params::TrackerParams};
 use base::image::DnImage;
 use base::region::{Region, Regions};
 use base::time::{Span, Tai};

@@ -10,15 +10,9 @@
 //! `doubles_are_merged_or_left_out`, `proper_motion_is_carried`, `fields_have_pattern_stars`.
 
 use super::aberration::{apparent, earth_beta};
-use super::blend::Blend;
-use super::error::TrackerError;
-use super::geometry::Geometry;
-use super::pairs::PairIndex;
-use super::params::TrackerParams;
+use super::{blend::Blend, error::TrackerError, geometry::Geometry, pairs::PairIndex, params::TrackerParams};
 use base::axes::{Icrf, Rotation, Sensor};
-use base::source::CatalogSource;
-use base::time::Tai;
-use base::units::MAS;
+use base::{source::CatalogSource, time::Tai, units::MAS};
 use core::f64::consts::PI;
 use glam::{DVec2, DVec3};
 use stars::catalog::Catalog;

@@ -5,19 +5,15 @@
 //! `tests::series`.
 
 use super::adjust::{Adjusted, MatchedStar};
-use super::background::BackgroundGrid;
 use super::centroid::{centre_of_gravity, gaussian_fit};
 use super::command::{CameraOrders, CameraWish, Exposed, better_exposure, reached_mid};
 use super::detect::{Blob, Detector, PEAK_SIGMA};
-use super::error::Reason;
-use super::guide::GuideStars;
 use super::identify::{Identifier, Sighting};
-use super::params::TrackerParams;
 use super::track::{Follower, Prediction, refuse_bright, ring_about, set_background, spot_model, trail_of};
+use super::{background::BackgroundGrid, error::Reason, guide::GuideStars, params::TrackerParams};
 use base::axes::{Icrf, Rotation, Sensor};
-use base::image::DnImage;
-use base::region::Regions;
 use base::time::{Span, Tai};
+use base::{image::DnImage, region::Regions};
 use glam::{DMat3, DVec2, DVec3};
 use std::sync::Arc;
 

@@ -10,14 +10,10 @@
 //! their sense of turn. Limit: fewer than about six spots are never enough. Tests: `random_attitudes_are_found`,
 //! `mirrored_skies_and_noise_are_refused`.
 
-use super::aberration::apparent;
 use super::adjust::{Adjusted, MatchedStar, adjust};
-use super::centroid::Spot;
-use super::error::Reason;
 use super::guide::{Expected, GuideStars};
-use super::pairs::angle_of_chord;
-use super::params::TrackerParams;
 use super::wahba::{Observation, davenport};
+use super::{aberration::apparent, centroid::Spot, error::Reason, pairs::angle_of_chord, params::TrackerParams};
 use base::axes::{Icrf, Rotation, Sensor};
 use core::f64::consts::PI;
 use glam::{DVec2, DVec3};

@@ -2,8 +2,7 @@
 //!
 //! Checked once, by [`TrackerParams::check`], when the guide stars are made. Test: `bad_parameters_are_refused`.
 
-use super::error::TrackerError;
-use super::geometry::Geometry;
+use super::{error::TrackerError, geometry::Geometry};
 
 /// Detector figures from the tracker's calibration.
 #[derive(Debug, Clone, Copy, PartialEq)]

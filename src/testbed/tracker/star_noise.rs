@@ -17,9 +17,8 @@
 //! deviation within 5 % of that of `gaussian_fit`, an attitude's within 20 % of the built-in tracker's own estimate.
 //! Tests: `tests/star_noise.rs`, on both sides of the edge.
 
-use super::geometry::Geometry;
 use super::guide::{Expected, GuideStars};
-use super::params::TrackerParams;
+use super::{geometry::Geometry, params::TrackerParams};
 use base::axes::{Icrf, Rotation, Sensor, attitude_of_uniforms};
 use core::f64::consts::{PI, TAU};
 use glam::{DMat3, DVec2, DVec3};

@@ -5,8 +5,7 @@ use super::*;
 use crate::tracker::{
     AttitudePair, DetectorFigures, ErrorTerms, ExposedLight, Geometry, GuideStars, TrackerParams, error_terms,
 };
-use base::axes::sensor_from_ra_dec_roll;
-use base::units::ARCSEC;
+use base::{axes::sensor_from_ra_dec_roll, units::ARCSEC};
 use stars::catalog::Catalog;
 use std::sync::Arc;
 

@@ -5,12 +5,10 @@
 
 use super::params::HeadParams;
 use crate::tracker::{CameraWish, Exposed, GuideStars, Outcome, Solution, Tracker};
-use base::axes::Rotation;
-use base::image::DnImage;
 use base::time::{Span, Tai};
+use base::{axes::Rotation, image::DnImage};
 use glam::DVec3;
-use std::collections::VecDeque;
-use std::sync::Arc;
+use std::{collections::VecDeque, sync::Arc};
 
 /// Time tags kept: a frame that is later than so many others is not used.
 const TAGS: usize = 64;

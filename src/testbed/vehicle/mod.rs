@@ -32,15 +32,13 @@ use crate::spacecraft::{
 };
 use crate::tracker::{CameraWish, Exposed, GuideStars, Outcome, Solution, TrackerError, TrackerParams, earth_beta};
 use base::axes::{Body, Icrf, Rotation};
-use base::image::DnImage;
 use base::time::{Span, Tai};
-use base::units::DEG;
+use base::{image::DnImage, units::DEG};
 use glam::DVec3;
 use head::{BodyAttitude, Head};
 use outside::Drive;
 use stars::catalog::{Catalog, CatalogError};
-use std::collections::VecDeque;
-use std::sync::Arc;
+use std::{collections::VecDeque, sync::Arc};
 
 /// Speed of light, m/s (exact).
 const LIGHT_M_S: f64 = 299_792_458.0;

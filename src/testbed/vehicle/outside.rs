@@ -5,8 +5,7 @@
 //! vehicle's own control keeps running beside an external one, and drives nothing. Tests:
 //! `tests/closed_loop/reaction.rs`.
 
-use super::Vehicle;
-use super::head::BodyAttitude;
+use super::{Vehicle, head::BodyAttitude};
 use crate::spacecraft::WHEELS_MAX;
 use base::axes::{Body, Icrf, Rotation};
 use base::time::{Span, Tai};

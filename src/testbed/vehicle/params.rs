@@ -1,9 +1,8 @@
 //! Parameters of a vehicle: spacecraft, sensors, estimator, control, heads.
 
-use crate::acs::AcsParams;
-use crate::estimator::MekfParams;
 use crate::spacecraft::{GyroParams, SpacecraftParams, TestTorque};
 use crate::tracker::{CameraOrders, TrackerParams};
+use crate::{acs::AcsParams, estimator::MekfParams};
 use base::axes::{Body, Icrf, Rotation, Sensor};
 use base::time::Span;
 use glam::DVec3;

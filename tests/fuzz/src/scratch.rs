@@ -2,9 +2,7 @@
 //! `hil_scripts/fuzz.sh` puts into memory and removes.
 
 use std::fs::{self, File, OpenOptions};
-use std::io::Write;
-use std::path::PathBuf;
-use std::sync::LazyLock;
+use std::{io::Write, path::PathBuf, sync::LazyLock};
 
 static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
     let folder = std::env::temp_dir().join(format!("starloop_fuzz_{}", std::process::id()));

@@ -5,8 +5,7 @@
 
 use base::time::{Span, Tai};
 use libfuzzer_sys::fuzz_target;
-use sky::ObserverError;
-use sky::orbit::TleOrbit;
+use sky::{ObserverError, orbit::TleOrbit};
 use starloop_fuzz::{Input, control};
 
 /// Elements of the documentation of the two-line format (International Space Station, 2008).

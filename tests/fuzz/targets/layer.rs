@@ -7,9 +7,7 @@ use base::source::{CatalogSource, direction_from_ra_dec};
 use libfuzzer_sys::fuzz_target;
 use starloop_fuzz::{Input, control, scratch};
 use stars::layer::{Layer, LayerError, LayerSet, NewStar, Sorting, is_layer};
-use std::fs;
-use std::path::Path;
-use std::sync::LazyLock;
+use std::{fs, path::Path, sync::LazyLock};
 
 /// Offsets of the parts of a layer, from the table of `layer/layout.rs`, written independently.
 const CRC_AT: usize = 44;

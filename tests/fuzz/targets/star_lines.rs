@@ -2,8 +2,7 @@
 
 #![no_main]
 
-use flate2::Compression;
-use flate2::write::GzEncoder;
+use flate2::{Compression, write::GzEncoder};
 use imports::published::bright::BrightStars;
 use imports::published::gaia::{self, Names};
 use imports::published::{ImportError, add_bright};

@@ -4,18 +4,15 @@
 #![no_main]
 
 use base::time::{Span, Tai};
-use firmware_protocol::can::CanFrame;
-use firmware_protocol::crc::crc16;
+use firmware_protocol::{can::CanFrame, crc::crc16};
 use libfuzzer_sys::fuzz_target;
 use starloop_fuzz::control::is_broken;
 use starloop_fuzz::{Input, input};
 use telemetry::canopen::{CanOpenDevice, NodeParams};
-use telemetry::ccsds::CcsdsDevice;
-use telemetry::json::JsonDevice;
-use telemetry::nos3::Nos3Device;
-use telemetry::sagitta::SagittaDevice;
-use telemetry::sagitta::slip::SlipReader;
 use telemetry::{Answered, Device, Limits, Mode, Order, Report, Sense, Wire};
+use telemetry::{
+    ccsds::CcsdsDevice, json::JsonDevice, nos3::Nos3Device, sagitta::SagittaDevice, sagitta::slip::SlipReader,
+};
 
 const LIMITS: Limits = Limits { exposure_s: Some([0.001, 0.1]) };
 const NOW: Tai = Tai::from_ns(1_772_366_437_250_000_000);

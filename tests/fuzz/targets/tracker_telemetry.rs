@@ -8,11 +8,9 @@ use libfuzzer_sys::fuzz_target;
 use starloop_fuzz::control::is_broken;
 use starloop_fuzz::{Input, input};
 use telemetry::canopen::{CanOpenDevice, NodeParams};
-use telemetry::ccsds::CcsdsDevice;
-use telemetry::nos3::Nos3Device;
 use telemetry::reading::{CanOpenReader, CcsdsReader, Measured, Nos3Reader, Reader, SagittaReader};
-use telemetry::sagitta::SagittaDevice;
 use telemetry::{Device, Limits, Mode, Report, Sense, Wire};
+use telemetry::{ccsds::CcsdsDevice, nos3::Nos3Device, sagitta::SagittaDevice};
 
 const NOW: Tai = Tai::from_ns(1_772_366_437_250_000_000);
 const NODE: u8 = 0x60;

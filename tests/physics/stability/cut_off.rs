@@ -3,8 +3,7 @@
 use crate::scene::{Dice, draw_cpu, draw_reference, instrument, star};
 use crate::stability::{ELECTRONS, Scene};
 use base::accuracy::AccuracyBudget;
-use plan::exposure::Source;
-use plan::exposure::{ExposurePlan, Instrument};
+use plan::exposure::{ExposurePlan, Instrument, Source};
 use plan::optics::PsfModel;
 
 /// Detector, px.

@@ -5,9 +5,8 @@ use crate::scene::{FOCAL_PX, draw_cpu, draw_reference, instrument, star};
 use crate::stability::motion::narrow_field;
 use crate::stability::{ELECTRONS, Scene, assert_hopeless, assert_inside, assert_outside, assert_replaced};
 use base::accuracy::AccuracyBudget;
-use plan::exposure::plan::Verdict;
 use plan::exposure::{ExposurePlan, Instrument, Shutter};
-use plan::optics::PsfModel;
+use plan::{exposure::plan::Verdict, optics::PsfModel};
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 
 /// A tall detector: many rows, few pixels.

@@ -3,11 +3,8 @@
 use crate::scene::{Dice, camera, draw_cpu, instrument, star};
 use crate::stability::motion::zigzag;
 use base::accuracy::AccuracyBudget;
-use plan::exposure::Source;
-use plan::exposure::cost::CostModel;
-use plan::exposure::method::MethodName;
-use plan::exposure::plan::Verdict;
-use plan::exposure::{Degradation, ExposurePlan, MethodChoice, Planner};
+use plan::exposure::{Degradation, ExposurePlan, MethodChoice, Planner, Source};
+use plan::exposure::{cost::CostModel, method::MethodName, plan::Verdict};
 use plan::optics::PsfModel;
 
 /// Detector, px.

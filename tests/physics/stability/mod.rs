@@ -13,10 +13,8 @@ use crate::scene::{EXPOSURE_S, FOCAL_PX, camera, instrument, los, planner_of, st
 use base::accuracy::AccuracyBudget;
 use glam::DVec3;
 use plan::attitude::{JitterLine, LosPath};
-use plan::exposure::Source;
-use plan::exposure::plan::Verdict;
-use plan::exposure::{ExposurePlan, Instrument, PixelPath, PixelPoint};
-use plan::optics::PsfModel;
+use plan::exposure::{ExposurePlan, Instrument, PixelPath, PixelPoint, Source};
+use plan::{exposure::plan::Verdict, optics::PsfModel};
 
 /// Detector of most scenes, px.
 const SIZE: usize = 64;

@@ -7,8 +7,7 @@ use base::time::Span;
 use core::f64::consts::TAU;
 use glam::DVec3;
 use plan::attitude::{JitterLine, JitterPoint};
-use plan::exposure::PixelPath;
-use plan::exposure::method::MethodName;
+use plan::exposure::{PixelPath, method::MethodName};
 use sky::astrometry::CameraGeometry;
 
 /// PSF of most scenes, px.

@@ -8,12 +8,9 @@ use crate::stability::{ELECTRONS, SIZE, Scene, assert_inside, assert_replaced};
 use base::clock::{Clock, Monotonic};
 use base::time::Tai;
 use glam::DVec3;
-use image::render::Backend;
-use image::render::cpu::Cpu;
-use plan::attitude::JitterLine;
-use plan::exposure::Source;
-use plan::exposure::{ExposurePlan, Instrument};
-use plan::optics::PsfModel;
+use image::render::{Backend, cpu::Cpu};
+use plan::exposure::{ExposurePlan, Instrument, Source};
+use plan::{attitude::JitterLine, optics::PsfModel};
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 
 /// Columns of the wide detector: coordinates of an 8k sensor in an image that stays small.

@@ -1,13 +1,11 @@
 //! The facts of a frame in files and memory, byte by byte, as they were before there was one table of them.
 
-use crate::sink::SentFrame;
-use crate::sink::crc32::pixel_crc32;
-use crate::sink::facts::FactSource;
-use crate::sink::fits::card::CARD_BYTES;
 use crate::sink::fits::{Pixels, write_electrons, write_frame};
-use crate::sink::frame_log::FrameLog;
 use crate::sink::sample::{bare_sample_frame, compare_with_pinned, differs_from_pinned, hex_lines, sample_frame};
-use crate::sink::shared_memory::slot_head;
+use crate::sink::{
+    SentFrame, crc32::pixel_crc32, facts::FactSource, fits::card::CARD_BYTES, frame_log::FrameLog,
+    shared_memory::slot_head,
+};
 
 /// Returns the cards of a FITS file, a line each; without the version and the checksum over it.
 fn cards(bytes: &[u8]) -> String {

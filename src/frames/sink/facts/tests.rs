@@ -2,12 +2,9 @@
 
 use super::reference::reference;
 use super::{FactSource, Feature, Part, Row, TABLE};
-use crate::sink::SentFrame;
-use crate::sink::crc32::pixel_crc32;
-use crate::sink::facts::Form;
 use crate::sink::sample::{bare_sample_frame, compare_with_file, sample_frame};
-use std::collections::BTreeSet;
-use std::path::Path;
+use crate::sink::{SentFrame, crc32::pixel_crc32, facts::Form};
+use std::{collections::BTreeSet, path::Path};
 
 fn names(of: impl Fn(&Row) -> Vec<&'static str>) -> Vec<&'static str> {
     TABLE.iter().flat_map(of).collect()

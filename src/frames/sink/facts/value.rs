@@ -1,11 +1,9 @@
 //! A fact of a frame, where it comes from, and the forms in which outputs write it.
 
-use crate::sink::active_fault::ActiveFaults;
-use crate::sink::faults::FaultFlags;
 use crate::sink::frame::{FrameMeta, SentFrame};
-use base::region::Regions;
+use crate::sink::{active_fault::ActiveFaults, faults::FaultFlags};
 use base::time::{Span, Tai};
-use base::units::DAY_S;
+use base::{region::Regions, units::DAY_S};
 use std::borrow::Cow;
 
 /// Modified Julian date of 1970-01-01T00:00:00.

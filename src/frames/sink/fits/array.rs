@@ -1,8 +1,7 @@
 //! An image as it was read from a FITS file: pixels, header, order of rows; and the refusals of its readers.
 
-use super::Pixels;
 use super::card::{Header, Value};
-use super::image::BZERO_U16;
+use super::{Pixels, image::BZERO_U16};
 use crate::sink::SinkError;
 
 /// Values of `ROWORDER`.

@@ -4,12 +4,11 @@
 //! table, from which any reader of the tiled image convention (CFITSIO, astropy, DS9) returns the same pixels and the same
 //! header. Source: FITS standard 4.0, section 10. Tests: below, and with astropy in `hil_scripts/test_data_sets.py`.
 
-use super::BLOCK_BYTES;
 use super::card::{Header, end_card, format_card};
 use super::checksum::{NO_CHECKSUM, Sum32, encoded};
 use super::image::{BZERO_U16, checksum_card, fill_bytes};
 use super::keywords::frame_header;
-use super::rice;
+use super::{BLOCK_BYTES, rice};
 use crate::sink::frame::SentFrame;
 use std::io::{self, Write};
 

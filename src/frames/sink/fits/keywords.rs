@@ -6,10 +6,9 @@
 use super::card::{Header, Value};
 use super::image::{Pixels, write_image};
 use super::wcs_cards::push_wcs;
-use crate::sink::active_fault::ActiveFaults;
-use crate::sink::crc32::pixel_crc32;
 use crate::sink::facts::{Card, Fact, FactSource, Form, Part, Scalar, TABLE};
 use crate::sink::frame::{FrameMeta, SentFrame};
+use crate::sink::{active_fault::ActiveFaults, crc32::pixel_crc32};
 use base::region::Regions;
 use std::borrow::Cow;
 use std::io::{self, Write};
@@ -113,13 +112,9 @@ fn push_regions(header: &mut Header, Card(keyword, _, comment): &Card, regions: 
 
 #[cfg(test)]
 mod tests {
-    use super::super::array::OwnedPixels;
-    use super::super::read_image;
-    use super::*;
+    use super::{super::array::OwnedPixels, super::read_image, *};
     use crate::sink::sample::sample_frame;
-    use base::image::ElectronImage;
-    use base::time::Tai;
-    use base::units::DAY_S;
+    use base::{image::ElectronImage, time::Tai, units::DAY_S};
 
     fn round_trip(frame: &SentFrame) -> super::super::FitsImage {
         let mut bytes = Vec::new();

@@ -161,9 +161,7 @@ fn code_column(header: &Header) -> Option<(usize, bool)> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::read::read_image;
-    use super::super::write_compressed_frame;
-    use super::*;
+    use super::{super::read::read_image, super::write_compressed_frame, *};
     use crate::sink::sample::sample_frame;
 
     fn written() -> (Vec<u8>, Vec<u16>) {

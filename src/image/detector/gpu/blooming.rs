@@ -1,12 +1,9 @@
 //! [`crate::detector::blooming`] on a device: one invocation for a column.
 
-use crate::detector::Effect;
-use crate::detector::blooming::Blooming;
-use crate::detector::gpu::neighbour_stage::GpuNeighbourStage;
-use crate::detector::neighbour_stage::FrameAt;
-use crate::gpu::buffers::GrowableBuffer;
+use crate::detector::{blooming::Blooming, gpu::neighbour_stage::GpuNeighbourStage, neighbour_stage::FrameAt};
 use crate::gpu::passes::{ComputePass, WORKGROUP, grid};
 use crate::gpu::{GpuDevice, GpuError, shader};
+use crate::{detector::Effect, gpu::buffers::GrowableBuffer};
 
 /// `blooming.wgsl`.
 #[derive(Debug)]

@@ -1,11 +1,11 @@
 //! Charge binning of [`crate::detector::binning`] on a device, into a smaller buffer.
 
-use crate::detector::Effect;
-use crate::detector::gpu::neighbour_stage::GpuNeighbourStage;
-use crate::detector::neighbour_stage::FrameAt;
-use crate::gpu::buffers::GrowableBuffer;
 use crate::gpu::passes::{ComputePass, WORKGROUP, grid};
 use crate::gpu::{GpuDevice, GpuError, shader};
+use crate::{
+    detector::Effect, detector::gpu::neighbour_stage::GpuNeighbourStage, detector::neighbour_stage::FrameAt,
+    gpu::buffers::GrowableBuffer,
+};
 
 /// `charge_binning.wgsl`.
 #[derive(Debug)]

@@ -1,13 +1,13 @@
 //! [`crate::detector::charge_transfer`] on a device: a pass along the columns into a second buffer, one along the rows
 //! back.
 
-use crate::detector::Effect;
 use crate::detector::charge_transfer::{ChargeTransfer, Trails};
-use crate::detector::gpu::neighbour_stage::GpuNeighbourStage;
-use crate::detector::neighbour_stage::FrameAt;
-use crate::gpu::buffers::GrowableBuffer;
 use crate::gpu::passes::{ComputePass, WORKGROUP, grid};
 use crate::gpu::{GpuDevice, GpuError, shader};
+use crate::{
+    detector::Effect, detector::gpu::neighbour_stage::GpuNeighbourStage, detector::neighbour_stage::FrameAt,
+    gpu::buffers::GrowableBuffer,
+};
 
 /// `charge_transfer.wgsl`, twice.
 #[derive(Debug)]

@@ -1,12 +1,12 @@
 //! [`crate::detector::image_lag`] on a device; the rest is a buffer there.
 
-use crate::detector::Effect;
-use crate::detector::gpu::neighbour_stage::GpuNeighbourStage;
 use crate::detector::image_lag::{ImageLag, LEAST_E, Memory};
-use crate::detector::neighbour_stage::FrameAt;
-use crate::gpu::buffers::GrowableBuffer;
 use crate::gpu::passes::{ComputePass, WORKGROUP, grid};
 use crate::gpu::{GpuDevice, GpuError, shader};
+use crate::{
+    detector::Effect, detector::gpu::neighbour_stage::GpuNeighbourStage, detector::neighbour_stage::FrameAt,
+    gpu::buffers::GrowableBuffer,
+};
 
 /// `image_lag.wgsl`.
 #[derive(Debug)]

@@ -19,20 +19,14 @@ pub mod neighbour_stage;
 pub mod neighbours;
 mod passes;
 
-use crate::detector::background::normalisation;
-use crate::detector::conditions::DetectorConditions;
-use crate::detector::constants::Constants;
-use crate::detector::disturbances::Disturbances;
-use crate::detector::neighbour_stage::FrameAt;
-use crate::detector::output::Output;
 use crate::detector::{Detector, DetectorParams, PoissonMethod};
-use crate::gpu::buffers::GrowableBuffer;
-use crate::gpu::readback::ReadbackRing;
-use crate::gpu::timing::FrameTimes;
+use crate::detector::{
+    background::normalisation, conditions::DetectorConditions, constants::Constants, disturbances::Disturbances,
+    neighbour_stage::FrameAt, output::Output,
+};
 use crate::gpu::{DeviceElectrons, GpuDevice, GpuError};
-use base::clock::Stopwatch;
-use base::image::DnImage;
-use base::random::key;
+use crate::{gpu::buffers::GrowableBuffer, gpu::readback::ReadbackRing, gpu::timing::FrameTimes};
+use base::{clock::Stopwatch, image::DnImage, random::key};
 use bytemuck::{Pod, Zeroable};
 use neighbour_stage::GpuNeighbourStage;
 use passes::{ImagePass, Maps};

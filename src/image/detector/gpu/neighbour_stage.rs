@@ -1,7 +1,6 @@
 //! [`crate::detector::neighbour_stage`] on a device.
 
-use crate::detector::Effect;
-use crate::detector::neighbour_stage::FrameAt;
+use crate::detector::{Effect, neighbour_stage::FrameAt};
 use crate::gpu::{GpuDevice, GpuError};
 use core::fmt::Debug;
 

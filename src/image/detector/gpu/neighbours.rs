@@ -2,11 +2,10 @@
 //! buffer, `array<vec2<f32>>` of electrons, two pixels an element, row by row.
 
 use crate::detector::binning::{Binning, BinningKind};
-use crate::detector::gpu::blooming::GpuBlooming;
-use crate::detector::gpu::charge_binning::GpuChargeBinning;
-use crate::detector::gpu::charge_transfer::GpuChargeTransfer;
-use crate::detector::gpu::image_lag::GpuImageLag;
-use crate::detector::gpu::neighbour_stage::GpuNeighbourStage;
+use crate::detector::gpu::{
+    blooming::GpuBlooming, charge_binning::GpuChargeBinning, charge_transfer::GpuChargeTransfer,
+    image_lag::GpuImageLag, neighbour_stage::GpuNeighbourStage,
+};
 use crate::detector::neighbour_stage::FrameAt;
 use crate::detector::{Detector, Effect, full_well};
 use crate::gpu::passes::{ComputePass, WORKGROUP, grid};

@@ -1,12 +1,10 @@
 //! The passes of the detector on a device: one for all stages, or one before and one after the neighbours.
 
-use crate::detector::neighbour_stage::FrameAt;
 use crate::detector::outliers::{Outlier, Outliers};
-use crate::detector::poisson::INVERSION_LIMIT;
 use crate::detector::{Detector, DetectorParams, Nonlinearity};
-use crate::gpu::buffers::GrowableBuffer;
 use crate::gpu::passes::{ComputePass, WORKGROUP, grid};
 use crate::gpu::{GpuDevice, GpuError, shader};
+use crate::{detector::neighbour_stage::FrameAt, detector::poisson::INVERSION_LIMIT, gpu::buffers::GrowableBuffer};
 use base::random::Stage;
 
 /// Multipliers and key steps of Philox (see [`base::random`]).

@@ -5,8 +5,7 @@
 //! and Legendre's six nodes, each by bisection of the second word. Accuracy: 23-bit words, 1e-7. The test below
 //! compares it with draws.
 
-use crate::detector::poisson::law::Law;
-use crate::detector::poisson::ptrs::Hat;
+use crate::detector::poisson::{law::Law, ptrs::Hat};
 
 /// Words of a uniform: 23 bits.
 const WORDS: u32 = 1 << 23;

@@ -6,12 +6,11 @@
 //! acceptance. The form rounded once per multiply-add and the one rounded twice are both computed, and the larger
 //! distance is returned.
 
-use crate::detector::block::GROUP;
 use crate::detector::poisson::acceptance::{self, first_word};
 use crate::detector::poisson::law::{Departure, Law};
 use crate::detector::poisson::ptrs::{Hat, saddle_point};
-use crate::detector::poisson::{INVERSION_LIMIT, PoissonMethod};
-use crate::detector::poisson::{cornish_fisher, inversion::invert, rounded_normal};
+use crate::detector::poisson::{INVERSION_LIMIT, PoissonMethod, cornish_fisher, rounded_normal};
+use crate::detector::{block::GROUP, poisson::inversion::invert};
 
 /// Largest mean that is computed: beyond it, neighbouring counts are the same f32.
 const MOST_MEAN: f64 = 16_777_216.0;

@@ -5,9 +5,7 @@
 //! <= bound <= promise over every domain, and measured > promise outside.
 
 use crate::detector::poisson::{cornish_fisher, inversion, ptrs, rounded_normal};
-use core::fmt;
-use core::ops::RangeInclusive;
-use core::str::FromStr;
+use core::{fmt, ops::RangeInclusive, str::FromStr};
 
 /// Largest mean for which f32 keeps the promises, electrons.
 const MOST_MEAN: f64 = 1e6;

@@ -2,13 +2,10 @@
 //! of both in fixed point. Error against the CPU: a unit of the coarser of the two scales. What is lost comes back as a
 //! number per workgroup.
 
-use crate::gpu::buffers::GrowableBuffer;
 use crate::gpu::passes::{ComputePass, WORKGROUP, grid};
-use crate::gpu::readback::ReadbackRing;
 use crate::gpu::{DeviceElectrons, GpuDevice, GpuError, shader};
-use crate::render::gpu::Gpu;
-use crate::render::overlap::Apart;
 use crate::render::{Backend, RenderError};
+use crate::{gpu::buffers::GrowableBuffer, gpu::readback::ReadbackRing, render::gpu::Gpu, render::overlap::Apart};
 use bytemuck::{Pod, Zeroable};
 use plan::exposure::ExposurePlan;
 

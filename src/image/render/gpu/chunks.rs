@@ -3,11 +3,8 @@
 //! Chunks depend on the number of stars alone, and sums over them are taken in their order: the image is the same whatever
 //! the number of threads. Stars without a table layer come first: the pass that draws them takes the first of a block.
 
-use crate::gpu::GpuError;
-use crate::gpu::buffers::GrowableBuffer;
-use crate::gpu::device::GpuDevice;
-use crate::render::gpu::scale::TileBounds;
 use crate::render::gpu::stars::{BoxPx, NO_TRACK, Source, SpotRecord, TrackRecord, record};
+use crate::{gpu::GpuError, gpu::buffers::GrowableBuffer, gpu::device::GpuDevice, render::gpu::scale::TileBounds};
 use core::ops::Range;
 use plan::exposure::{Drawing, ExposurePlan, PlannedStar};
 use pulp::{Arch, NullaryFnOnce};

@@ -20,16 +20,13 @@ pub mod scale;
 mod stars;
 mod whole;
 
-use crate::gpu::buffers::GrowableBuffer;
 use crate::gpu::passes::{ComputePass, MOST_WORKGROUPS, WORKGROUP};
-use crate::gpu::readback::ReadbackRing;
-use crate::gpu::texture::TableTexture;
 use crate::gpu::{DeviceElectrons, Electrons, GpuDevice, GpuError, shader};
+use crate::gpu::{buffers::GrowableBuffer, readback::ReadbackRing, texture::TableTexture};
 use crate::render::erf::{ERF_CLAMP, ERF_P, ERF_Q};
-use crate::render::plan_tables::PlanTables;
 use crate::render::table::{Form, PsfTable};
-use crate::render::whole::WholeImage;
 use crate::render::{Backend, RenderError, check_kernel, check_sampling};
+use crate::{render::plan_tables::PlanTables, render::whole::WholeImage};
 use base::image::Image;
 use bytemuck::{Pod, Zeroable};
 use chunks::Chunks;

@@ -1,10 +1,9 @@
 //! A plan's stars and nodes in the layout of the shaders, with the box each star stays in.
 
 use bytemuck::{Pod, Zeroable};
-use plan::exposure::plan::NodeList;
 use plan::exposure::pose::{PathNode, ROLL, SHIFT};
-use plan::exposure::track::StarTrack;
 use plan::exposure::{Drawing, ExposurePlan, PlannedStar};
+use plan::exposure::{plan::NodeList, track::StarTrack};
 
 /// `Spot` of `place.wgsl`: all there is of a star that is drawn once.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]

@@ -4,11 +4,10 @@
 //! [`MOST_PIXEL_E`] of a whole star: far above any full well, and above what a column of 2,048 pixels of 1.3e5 e- holds
 //! when it blooms. Test: `tests/gpu/whole.rs`.
 
-use crate::gpu::buffers::GrowableBuffer;
 use crate::gpu::passes::{ComputePass, WORKGROUP, grid};
 use crate::gpu::{GpuDevice, GpuError, shader};
-use crate::render::gpu::scale::TileBounds;
 use crate::render::whole::{TILE_PIXELS, TILE_PX, WholeImage};
+use crate::{gpu::buffers::GrowableBuffer, render::gpu::scale::TileBounds};
 use bytemuck::{Pod, Zeroable};
 
 /// Most electrons of whole stars in a pixel: units of a quarter of an electron.

@@ -2,8 +2,7 @@
 
 use crate::{CHUNK_MAX, Datagram, Packet, SerialChunk, WireFormat};
 use firmware_protocol::can::{CanFrame, CanId};
-use rand::RngExt;
-use rand::rngs::StdRng;
+use rand::{RngExt, rngs::StdRng};
 
 /// Longest payloads of CAN frames.
 const CLASSIC_MAX: usize = 8;

@@ -10,8 +10,7 @@ use base::clock::Clock;
 use base::time::{Span, Tai};
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
-use std::collections::VecDeque;
-use std::sync::Arc;
+use std::{collections::VecDeque, sync::Arc};
 
 /// Most copies of one packet, however many faults double it.
 const MOST_COPIES: u32 = 8;

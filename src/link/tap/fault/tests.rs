@@ -335,8 +335,7 @@ fn damage_keeps_the_length_of_the_identifier() {
 fn datagrams_are_damaged_as_other_packets_are() {
     use super::damage::{babble, cut_the_tail, flip_a_bit};
     use crate::{Datagram, WireFormat};
-    use rand::SeedableRng;
-    use rand::rngs::StdRng;
+    use rand::{SeedableRng, rngs::StdRng};
     let mut dice = StdRng::seed_from_u64(1);
     let whole = Packet::Datagram(Datagram::new(&[0; 64]).unwrap());
     let mut flipped = whole;

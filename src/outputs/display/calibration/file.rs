@@ -5,20 +5,15 @@
 //! is not a signature. A file is refused when it is damaged, too old or from the future, or of another display, mode or
 //! tracker: each error says what was wanted, what was found, and what to do. Tests: `file_tests`.
 
-use super::error::CalibrationError;
 use super::identity::{DisplayIdentity, TrackerIdentity, same_display, same_tracker};
-use super::plan::Plan;
-use crate::display::dither::Dither;
-use crate::display::drive::DisplayDrive;
+use super::{error::CalibrationError, plan::Plan};
 use crate::display::flat_field::{FlatField, FlatParameters};
 use crate::display::geometry::{DisplayGeometry, GeometryParameters};
-use crate::display::latency::Latency;
 use crate::display::response::{Response, ResponseParameters};
+use crate::display::{dither::Dither, drive::DisplayDrive, latency::Latency};
 use base::input_file::{DATA_BYTES, read_text};
-use base::time::Tai;
-use base::units::DAY_S;
-use frames::sink::crc32::Crc32;
-use frames::sink::write_file_atomically;
+use base::{time::Tai, units::DAY_S};
+use frames::sink::{crc32::Crc32, write_file_atomically};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 

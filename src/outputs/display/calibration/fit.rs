@@ -7,20 +7,16 @@
 //! state is taken for the display's, and made up for. Test: `tests/physics/display_calibration`, a tracker that
 //! vignettes.
 
-use super::coverage::enough;
 use super::dot_code::{bits_of, numbers};
-use super::error::CalibrationError;
 use super::file::{Calibration, Light, Residuals};
 use super::fit_levels::{LevelFit, fit_levels};
 use super::fit_map::{FEWEST_DOTS, MapFit, SeenDot, fit_map};
-use super::identity::TrackerIdentity;
-use super::measurement::Sight;
-use super::pattern::Pattern;
-use super::plan::Plan;
-use super::report::brightest_star;
+use super::{
+    coverage::enough, error::CalibrationError, identity::TrackerIdentity, measurement::Sight, pattern::Pattern,
+    plan::Plan, report::brightest_star,
+};
 use crate::display::flat_field::{FlatField, FlatFit, fit_flat};
-use crate::display::latency::Latency;
-use crate::display::response::Response;
+use crate::display::{latency::Latency, response::Response};
 use base::time::Tai;
 use glam::DVec2;
 use sky::astrometry::CameraGeometry;

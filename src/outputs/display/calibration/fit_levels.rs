@@ -7,9 +7,7 @@
 //! does not count. Where no dark level was measured it is taken for nothing: true of a luminance meter, not of a
 //! camera.
 
-use super::error::CalibrationError;
-use super::measurement::Sight;
-use super::pattern::Pattern;
+use super::{error::CalibrationError, measurement::Sight, pattern::Pattern};
 use crate::display::response::{GreyLevel, ResponseParameters, response_of};
 use base::least_squares::median;
 use std::collections::BTreeMap;

@@ -5,8 +5,7 @@
 //! (its number, where the measuring program knows it; else it is read from the codes), `saturated` (`true` where the
 //! camera was at its end: it is then left out). Columns may be missing, values empty.
 
-use super::error::CalibrationError;
-use super::pattern::Pattern;
+use super::{error::CalibrationError, pattern::Pattern};
 use serde::{Deserialize, Serialize};
 use std::io::{Read, Write};
 use std::path::Path;

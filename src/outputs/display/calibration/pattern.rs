@@ -4,8 +4,7 @@
 //! centre whatever the response is. More images identify the dots: in `dots_bit_k` only the dots are lit whose code has
 //! bit k, so mirrors, rolls and parts of the field need no guessing ([`super::dot_code`]).
 
-use super::error::CalibrationError;
-use super::identity::DisplayIdentity;
+use super::{error::CalibrationError, identity::DisplayIdentity};
 use crate::display::geometry::LARGEST_SIDE_PX;
 use base::image::Image;
 use serde::{Deserialize, Serialize};

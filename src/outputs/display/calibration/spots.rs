@@ -7,8 +7,7 @@
 //! at the camera's end is marked as saturated. Levels: medians of 8 x 8 blocks, so that a hot pixel or a mote does not
 //! count; a median at the camera's end is marked. Tests below.
 
-use super::measurement::Sight;
-use super::pattern::Pattern;
+use super::{measurement::Sight, pattern::Pattern};
 use base::image::{DnImage, Image};
 use base::least_squares::median;
 

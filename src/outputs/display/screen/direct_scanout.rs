@@ -6,14 +6,12 @@
 //! Limits: a driver with `VK_EXT_acquire_drm_display`; one display on a card; no keys, as no window has them. **Never
 //! run on a monitor:** tests below prove the refusals; code that needs a card was compiled, no more.
 
-use crate::display::counters::Counts;
-use crate::display::error::DisplayError;
-use crate::display::params::Bits;
-use crate::display::picture::Picture;
-use crate::display::screen::connector::Connector;
 use crate::display::screen::panel::{Panel, Turn};
-use crate::display::screen::state::State;
 use crate::display::screen::surface::{MOST_LOSSES, Pane, VulkanPanel};
+use crate::display::{
+    counters::Counts, error::DisplayError, params::Bits, picture::Picture, screen::connector::Connector,
+    screen::state::State,
+};
 use std::sync::{Arc, Weak};
 use std::time::Duration;
 

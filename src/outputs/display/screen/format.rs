@@ -3,8 +3,7 @@
 //! Only formats that store what the shader gives times `2^bits - 1`, rounded, will do: no sRGB encoding, no HDR
 //! transfer.
 
-use crate::display::error::DisplayError;
-use crate::display::params::Bits;
+use crate::display::{error::DisplayError, params::Bits};
 use wgpu::{SurfaceColorSpaces, SurfaceFormatCapabilities, TextureFormat};
 
 /// Formats with 8 bits of a grey.

@@ -21,30 +21,22 @@ mod window;
 pub use window::monitors;
 
 use crate::display::counters::{Counts, count};
-use crate::display::error::DisplayError;
-use crate::display::grey::GreyMaker;
 use crate::display::params::{CardChoice, Params};
-use crate::display::picture::Picture;
 #[cfg(feature = "direct_scanout")]
 use crate::display::screen::connector::Connector;
 #[cfg(feature = "direct_scanout")]
 use crate::display::screen::direct_scanout::ScanOut;
 use crate::display::screen::hand_over::{Outgoing, hand_over};
-use crate::display::screen::panel::Panel;
 use crate::display::screen::presenter::{Pace, Presenter, Showing};
-use crate::display::screen::state::State;
 use crate::display::screen::surface::{Pane, VulkanPanel};
 use crate::display::screen::window::{Opened, Order};
-use crate::display::submit_log::SubmitLog;
-use crate::display::submitted::Submitted;
-use base::clock::Clock;
-use base::time::Span;
+use crate::display::{error::DisplayError, grey::GreyMaker, picture::Picture};
+use crate::display::{screen::panel::Panel, screen::state::State, submit_log::SubmitLog, submitted::Submitted};
+use base::{clock::Clock, time::Span};
 use crossbeam_channel::{Receiver, bounded};
 use frames::sink::crc32::{RunCrc32, pixel_crc32};
 use frames::sink::{SentFrame, Sink, SinkError, SinkSummary};
-use std::path::Path;
-use std::sync::Arc;
-use std::thread::JoinHandle;
+use std::{path::Path, sync::Arc, thread::JoinHandle};
 
 /// Submit times kept until they are read: more than a minute at 60 Hz.
 const SUBMITS: usize = 4096;
@@ -333,14 +325,10 @@ impl Start<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::display::error::Closing;
-    use crate::display::grey::GreyTable;
     use crate::display::marker::{Corner, Marker};
-    use crate::display::params::Bits;
-    use crate::display::screen::panel::Turn;
+    use crate::display::{error::Closing, grey::GreyTable, params::Bits, screen::panel::Turn};
     use base::clock::Monotonic;
-    use frames::sink::compliance::check_sink;
-    use frames::sink::sample::sample_frame;
+    use frames::sink::{compliance::check_sink, sample::sample_frame};
 
     /// Takes everything.
     struct Paper;

@@ -2,9 +2,8 @@
 //!
 //! The window library keeps its list of monitors until the whole screen changes, and does not look at the plug.
 
-use x11rb::connection::Connection as _;
 use x11rb::protocol::randr::{Connection, ConnectionExt as _};
-use x11rb::rust_connection::RustConnection;
+use x11rb::{connection::Connection as _, rust_connection::RustConnection};
 
 /// A connection to ask by.
 pub(super) struct Plugs {

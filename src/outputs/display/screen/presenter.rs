@@ -5,20 +5,16 @@
 //! within half a refresh of that moment, and on the average at it, however soon it was drawn. Monitors set the pace;
 //! where a driver does not wait for one (software Vulkan on a virtual server), the presenter waits itself.
 
-use crate::display::counters::count;
-use crate::display::error::DisplayError;
-use crate::display::grey::GreyMaker;
-use crate::display::picture::Picture;
 use crate::display::screen::hand_over::{Incoming, Luminances};
 use crate::display::screen::panel::{Panel, Turn};
-use crate::display::screen::state::State;
-use crate::display::submitted::Submitted;
+use crate::display::{
+    counters::count, error::DisplayError, grey::GreyMaker, picture::Picture, screen::state::State, submitted::Submitted,
+};
 use base::clock::{Clock, Stopwatch};
 use base::time::{Span, Tai};
 use core::sync::atomic::Ordering;
 use crossbeam_channel::Sender;
-use std::sync::Arc;
-use std::time::Duration;
+use std::{sync::Arc, time::Duration};
 
 /// Time between looks for a monitor that is away, or a surface that is unavailable.
 const AWAY: Duration = Duration::from_millis(20);

@@ -3,15 +3,11 @@
 //! Temporary failures are not errors: a surface that is lost or has another size is configured or made again. A surface
 //! that does not come back within a second, or a lost device, ends the display.
 
-use crate::display::error::DisplayError;
-use crate::display::params::Bits;
-use crate::display::picture::Picture;
 #[cfg(feature = "direct_scanout")]
 use crate::display::screen::connector::Connector;
-use crate::display::screen::format;
-use crate::display::screen::painter::GreyPainter;
 use crate::display::screen::panel::{Panel, Turn};
-use crate::display::screen::state::State;
+use crate::display::screen::{format, painter::GreyPainter, state::State};
+use crate::display::{error::DisplayError, params::Bits, picture::Picture};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use wgpu::{CurrentSurfaceTexture, SurfaceTexture};
 use winit::window::Window;

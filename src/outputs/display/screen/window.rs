@@ -8,21 +8,18 @@
 use crate::display::error::{Closing, DisplayError};
 use crate::display::monitor::{self, MonitorChoice, MonitorFacts};
 use crate::display::screen::placement::{Area, Placement, Verdict};
-use crate::display::screen::plug::Plugs;
-use crate::display::screen::state::State;
-use base::clock::Stopwatch;
-use base::time::Span;
+use crate::display::screen::{plug::Plugs, state::State};
+use base::{clock::Stopwatch, time::Span};
 use crossbeam_channel::{Sender, bounded};
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
-use winit::application::ApplicationHandler;
 use winit::dpi::{PhysicalPosition, PhysicalSize};
 use winit::event::{ElementState, StartCause, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy};
 use winit::keyboard::{Key, NamedKey};
-use winit::monitor::MonitorHandle;
 use winit::platform::x11::{EventLoopBuilderExtX11, WindowAttributesExtX11};
 use winit::window::{Fullscreen, Window, WindowAttributes, WindowId};
+use winit::{application::ApplicationHandler, monitor::MonitorHandle};
 
 /// Longest wait for the event loop: a placement takes two seconds at most, twice.
 const LONGEST_WAIT: Duration = Duration::from_secs(10);

@@ -1,16 +1,11 @@
 //! Writes to the camera's own features, and the acquisition that they start and stop.
 
 use super::{Device, SOURCE_SOFTWARE};
-use crate::network_camera::acquisition::Mode;
-use crate::network_camera::chunk;
-use crate::network_camera::first_values::ONE_IN_MOST;
-use crate::network_camera::gvcp::Status;
-use crate::network_camera::pixel_format::PixelFormat;
-use crate::network_camera::regions::stacked_px;
 use crate::network_camera::registers::{Memory, own};
-use crate::network_camera::test_pattern::TestPattern;
-use crate::network_camera::user_sets::NAMES;
-use crate::network_camera::xml::offset_step;
+use crate::network_camera::{
+    acquisition::Mode, chunk, first_values::ONE_IN_MOST, gvcp::Status, pixel_format::PixelFormat, regions::stacked_px,
+    test_pattern::TestPattern, user_sets::NAMES, xml::offset_step,
+};
 use base::time::Tai;
 
 impl Device {

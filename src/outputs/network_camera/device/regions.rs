@@ -2,9 +2,7 @@
 //! camera read out no more than its regions.
 
 use super::Device;
-use crate::network_camera::gvcp::Status;
-use crate::network_camera::regions::stacked_px;
-use crate::network_camera::registers::own;
+use crate::network_camera::{gvcp::Status, regions::stacked_px, registers::own};
 use base::time::Tai;
 use frames::camera_control::{CameraCommand, REGIONS_MAX, Region, Regions};
 

@@ -1,9 +1,8 @@
 //! Loading and saving of user sets, and the reset that loads one.
 
 use super::Device;
-use crate::network_camera::gvcp::Status;
-use crate::network_camera::registers::own;
 use crate::network_camera::user_sets::{NAMES, UserSet};
+use crate::network_camera::{gvcp::Status, registers::own};
 use base::time::Tai;
 
 impl Device {

@@ -1,7 +1,6 @@
 //! A camera that clients command: commands to the frame loop, and refusals.
 
-use super::super::registers::SOURCES;
-use super::*;
+use super::{super::registers::SOURCES, *};
 use base::clock::Virtual;
 use frames::camera_control::{
     AutoMode, CameraCommand, CameraEvent, CameraEventKind, CameraRange, CameraSettings, CommandSource, Commanded,

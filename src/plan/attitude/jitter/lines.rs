@@ -5,8 +5,7 @@
 //! 30 years.
 
 use crate::attitude::los::JitterLine;
-use base::time::Span;
-use base::units::NS_PER_S;
+use base::{time::Span, units::NS_PER_S};
 use core::f64::consts::{PI, TAU};
 use glam::DVec3;
 

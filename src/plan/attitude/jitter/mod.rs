@@ -36,9 +36,8 @@ pub use wheels::{HARMONICS_MAX, WHEELS, WheelHarmonic};
 
 use crate::attitude::error::{HistoryReject, JitterReject};
 use crate::attitude::los::{JitterLine, JitterPoint, JitterTrack};
-use crate::attitude::remote_clock::ClockEstimate;
-use crate::attitude::residual::KNOTS_MAX;
 use crate::attitude::ring::{EpochRing, HistoryCounts, HistoryLimits};
+use crate::attitude::{remote_clock::ClockEstimate, residual::KNOTS_MAX};
 use base::time::{Span, Tai};
 use glam::DVec3;
 use record::{RECORD_LINES, RECORD_POINTS_MAX, RecordReader};

@@ -14,8 +14,7 @@
 //! (sum P)^2`: 2.95 for a flat density, 2.8 when half of the power is in a few strata. Frequencies and phases come from
 //! `base::random`, logarithms from `libm`: the same on every machine. Tests: `tests/physics/bus_jitter.rs`.
 
-use crate::attitude::error::JitterReject;
-use crate::attitude::los::JitterLine;
+use crate::attitude::{error::JitterReject, los::JitterLine};
 use base::random::{Stage, key, philox};
 use core::f64::consts::TAU;
 use glam::DVec3;

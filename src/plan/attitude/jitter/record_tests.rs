@@ -1,6 +1,5 @@
 use super::*;
-use crate::attitude::jitter::JitterHistory;
-use crate::attitude::ring::HistoryLimits;
+use crate::attitude::{jitter::JitterHistory, ring::HistoryLimits};
 use base::units::ARCSEC;
 
 const START: Tai = Tai::from_ns(3_000_000_000);

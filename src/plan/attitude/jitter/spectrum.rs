@@ -13,8 +13,7 @@ use crate::attitude::jitter::record::{JitterRecord, RecordEnd, RecordError};
 use base::random::{Stage, key, philox};
 use core::f64::consts::{PI, TAU};
 use glam::DVec3;
-use rustfft::FftPlanner;
-use rustfft::num_complex::Complex64;
+use rustfft::{FftPlanner, num_complex::Complex64};
 
 /// Samples per period of the highest frequency of a density.
 const SAMPLES_PER_PERIOD: f64 = 2.5;

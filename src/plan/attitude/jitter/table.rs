@@ -5,9 +5,8 @@
 //! Equal steps of time, to a tenth of one; [`RECORD_SAMPLES_MAX`] rows of a series, [`DENSITY_ROWS_MAX`] of a density.
 //! Every refusal states the line and the reason. Fuzzed: `tests/fuzz/targets/jitter_table.rs`.
 
-use crate::attitude::jitter::psd::PsdPoint;
 use crate::attitude::jitter::record::{JitterRecord, RECORD_SAMPLES_MAX, RecordEnd, RecordError};
-use crate::attitude::jitter::spectrum::DENSITY_ROWS_MAX;
+use crate::attitude::jitter::{psd::PsdPoint, spectrum::DENSITY_ROWS_MAX};
 use base::units::{ARCSEC, DEG};
 use glam::DVec3;
 

@@ -4,10 +4,9 @@
 //! window's hull is used from its first mark on, and goes into the filter once, when the window is full: no mark counts
 //! twice. Memory is that of the hulls, allocated at construction; a mark costs O(1) amortised, an estimate O(log n).
 
-use super::floor::DelayFloor;
 use super::hull::{Edge, HEIGHT_MEAN, HEIGHT_SIGMA, LowerHull, SLOPE_SIGMA};
 use super::kalman::{Trust, TwoState};
-use super::mark::Mark;
+use super::{floor::DelayFloor, mark::Mark};
 
 /// Deviation of the first mark's delay, ns; each pair of marks reduces it to a tenth: the chance that all were late.
 const FIRST_DELAY_SIGMA_NS: f64 = 1e6;

@@ -5,8 +5,7 @@
 //! below the floor. Limits: marks that are equally damaged as often as [`AGREEING`] are used; only the bus's own
 //! checksum keeps them rare.
 
-use super::line::Line;
-use super::mark::Mark;
+use super::{line::Line, mark::Mark};
 use std::collections::VecDeque;
 
 /// Number of outliers that a further one must agree with.

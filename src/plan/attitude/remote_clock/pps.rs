@@ -5,8 +5,7 @@
 //! a second. An edge far from its predicted place is left out; three in a row restart the estimate.
 
 use super::kalman::{Trust, TwoState};
-use base::time::Tai;
-use base::units::NS_PER_S;
+use base::{time::Tai, units::NS_PER_S};
 
 /// Largest distance of an edge from a whole second, ns.
 const MOST_ERROR_NS: i64 = NS_PER_S / 4;

@@ -2,14 +2,11 @@
 
 use super::{Chooser, MOST_JITTER_NODES, Weighed};
 use crate::exposure::cost::{kernel_bytes, kernel_count};
-use crate::exposure::lists::fill_nodes;
 use crate::exposure::method::{Method, MethodChoice, MethodName};
 use crate::exposure::motion::{Motion, Shutter};
-use crate::exposure::node_error::NodeError;
-use crate::exposure::pixel_path::PixelPath;
 use crate::exposure::plan::{LONGEST_KERNEL_PX, MOST_KERNEL_BYTES, MOST_KERNELS, Verdict};
 use crate::exposure::probes::{Probes, SIDE, gauss_legendre_count};
-use crate::exposure::weigh::ShapeOf;
+use crate::exposure::{lists::fill_nodes, node_error::NodeError, pixel_path::PixelPath, weigh::ShapeOf};
 
 /// Order of weighing: methods whose number of nodes is needed for others come first.
 const ORDER: [MethodName; 7] = [

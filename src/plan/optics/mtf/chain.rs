@@ -10,11 +10,10 @@
 //! Performance, 5th ed., for the product; Goodman, Introduction to Fourier Optics, 6.5, for the sum over a band. Unit
 //! tests compare products with terms by hand; `tests/physics/psf_chain.rs` compares the drawn PSF with the chain.
 
-use crate::optics::SpectralWeight;
 use crate::optics::mtf::chain_params::{ChainParams, DefocusForm};
 use crate::optics::mtf::defocus::{self, DefocusedPupil};
-use crate::optics::mtf::diffusion::Diffusion;
 use crate::optics::mtf::{MtfError, aberration, aperture, circuit, diffraction, gaussian, motion};
+use crate::optics::{SpectralWeight, mtf::diffusion::Diffusion};
 
 /// One link of the chain, in the order of light.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

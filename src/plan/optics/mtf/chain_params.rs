@@ -4,9 +4,8 @@
 //! that depend on the wavelength (wavefront error, defocus, absorption) are checked with the chain, wavelength by
 //! wavelength.
 
-use crate::optics::mtf::MtfError;
 use crate::optics::mtf::circuit::{Circuit, LOWEST_CUTOFF};
-use crate::optics::mtf::diffusion::Diffusion;
+use crate::optics::mtf::{MtfError, diffusion::Diffusion};
 use crate::optics::{Band, SpectralWeight, spectral_weights};
 
 /// Largest deviation of a band's shares from a sum of 1: the rounding of printed weights.

@@ -13,8 +13,7 @@
 //! Lengths in um, `f` in cycles/um. Limits: no field outside the depletion region, no sideways motion inside it, bulk
 //! silicon at 300 K. The tests solve the equations by finite differences.
 
-use crate::optics::mtf::gaussian;
-use crate::optics::mtf::silicon::absorption_per_um;
+use crate::optics::mtf::{gaussian, silicon::absorption_per_um};
 use core::f64::consts::TAU;
 
 /// Diffusion of charge.

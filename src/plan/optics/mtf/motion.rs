@@ -14,8 +14,7 @@
 //! 1693 (1992) for TDI. Limits: straight motion, uniform in time; the factors may be negative. The tests average a wave
 //! over the motion.
 
-use crate::optics::mtf::TdiBlur;
-use crate::optics::mtf::aperture::sinc;
+use crate::optics::mtf::{TdiBlur, aperture::sinc};
 use core::f64::consts::{PI, TAU};
 
 /// Returns the factor of motion at constant speed over `length_px`.

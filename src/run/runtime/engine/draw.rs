@@ -2,17 +2,12 @@
 
 use super::{FrameEngine, note};
 use crate::runtime::describe::{describe_exposure, describe_pointing, fill_meta};
-use crate::runtime::error::RunError;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
-use crate::runtime::path_facts::PathFacts;
-use crate::runtime::scene_events;
-use crate::runtime::slot::Slot;
-use base::clock::Stopwatch;
-use base::time::Span;
+use crate::runtime::{error::RunError, path_facts::PathFacts, scene_events, slot::Slot};
+use base::{clock::Stopwatch, time::Span};
 use frames::report::{Stage, StageTimes};
 use frames::sink::{FaultFlags, SentFrame};
-use image::detector::DetectorConditions;
-use image::detector::levels::Levels;
+use image::detector::{DetectorConditions, levels::Levels};
 use plan::attitude::PathOrigin;
 use plan::exposure::{Degradation, Motion, Source};
 use scene::SceneReport;

@@ -4,8 +4,7 @@
 //! Nothing waits: what a line does not take at once is lost, and the caller counts it. A file is made when it is opened
 //! and has a line for each packet: UTC, TAI nanoseconds, identifier of a CAN frame or `-`, bytes in hexadecimal.
 
-use base::clock::Clock;
-use base::time::Tai;
+use base::{clock::Clock, time::Tai};
 use core::fmt::Write as _;
 use firmware_protocol::can::{CanFrame, IdMap};
 use link::gateway::{GatewayParams, Gateways, LinkedTerminal, Screen};
@@ -14,12 +13,9 @@ use link::simulated::{BusParams, BusTiming, SimulatedBus, SimulatedLink};
 use link::socketcan::{Receives, SocketCanLink, SocketCanParams};
 use link::tcp::{Seat, SeatChange, keep_alive};
 use link::{CHUNK_MAX, Link, LinkError, Packet, SerialChunk};
-use std::collections::VecDeque;
-use std::fs::File;
 use std::io::{BufWriter, ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream, UdpSocket};
-use std::path::Path;
-use std::sync::Arc;
+use std::{collections::VecDeque, fs::File, path::Path, sync::Arc};
 use telemetry::Wire;
 
 /// Longest piece that is read at once.

@@ -2,9 +2,8 @@
 //! it.
 
 use crate::runtime::tracker_out::shared::OutShared;
-use base::image::DnImage;
-use base::region::Regions;
 use base::time::{Span, Tai};
+use base::{image::DnImage, region::Regions};
 use crossbeam_channel::{Receiver, Sender, bounded};
 use frames::sink::{FaultFlags, Loss, LossKind, SentFrame, Sink, SinkError, SinkLine, SinkSummary, sink_lines};
 use glam::DVec3;
@@ -206,9 +205,7 @@ impl Sink for TrackerTap {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use frames::sink::NullSink;
-    use frames::sink::compliance::check_sink;
-    use frames::sink::sample::sample_frame;
+    use frames::sink::{NullSink, compliance::check_sink, sample::sample_frame};
 
     fn shared() -> Arc<OutShared> {
         Arc::new(OutShared::new("tracker_out[0]".into(), "json"))

@@ -12,9 +12,7 @@ use base::clock::Clock;
 use base::time::{Span, Tai};
 use frames::camera_control::{CameraCommand, CameraDesk, CommandSource, Commanded};
 use frames::sink::crc32::Crc32;
-use std::collections::VecDeque;
-use std::net::SocketAddr;
-use std::sync::Arc;
+use std::{collections::VecDeque, net::SocketAddr, sync::Arc};
 use telemetry::{Device, Mode, Order, Report, Wire};
 
 /// Reports and packets that may wait; more are lost and counted.

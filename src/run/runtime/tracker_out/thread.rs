@@ -1,13 +1,9 @@
 //! The thread of a tracker on the real clock.
 
-use crate::runtime::error::RunError;
-use crate::runtime::tracker_out::shared::OutThread;
-use crate::runtime::tracker_out::telemeter::Telemeter;
-use base::clock::Clock;
-use base::time::Span;
+use crate::runtime::{error::RunError, tracker_out::shared::OutThread, tracker_out::telemeter::Telemeter};
+use base::{clock::Clock, time::Span};
 use crossbeam_channel::RecvTimeoutError;
-use std::sync::Arc;
-use std::time::Duration;
+use std::{sync::Arc, time::Duration};
 
 /// A line with clients is looked at this often.
 const LISTEN_EVERY: Span = Span::from_ms(2);

@@ -12,8 +12,7 @@ use base::time::Tai;
 use core::sync::atomic::{AtomicBool, Ordering};
 use link::gateway::{GRACE, OPENING_WITHIN};
 use serde_json::Value;
-use std::collections::BTreeMap;
-use std::net::TcpListener;
+use std::{collections::BTreeMap, net::TcpListener};
 
 /// Connections that were refused, by reason.
 pub type ControlRefusals = BTreeMap<&'static str, u64>;

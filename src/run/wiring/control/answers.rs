@@ -1,12 +1,8 @@
 //! Answers of a closed loop to each request: times in seconds after the first exposure, angles in deg or rad as named.
 
-use crate::runtime::TrackerOutput;
-use crate::runtime::engine::origin_name;
-use crate::wiring::assessment::mode_name;
 use crate::wiring::control::protocol::{PROTOCOL_VERSION, REQUESTS, StepBy};
-use crate::wiring::control::samples::SampleList;
-use crate::wiring::error::LoopError;
-use crate::wiring::stepped::SteppedRun;
+use crate::wiring::{assessment::mode_name, control::samples::SampleList, error::LoopError, stepped::SteppedRun};
+use crate::{runtime::TrackerOutput, runtime::engine::origin_name};
 use base::axes::{Body, Icrf, Rotation, Sensor, ra_dec_roll};
 use base::time::{Span, Tai};
 use config::{Event, Scenario};

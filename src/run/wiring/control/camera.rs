@@ -10,9 +10,7 @@
 //! The answer has the settings of the next exposure. All settings of a request act at one instant, or none when one is
 //! bad.
 
-use crate::runtime::exposing::Exposing;
-use crate::runtime::ledger::Ledger;
-use crate::runtime::shutter::NextSlot;
+use crate::runtime::{exposing::Exposing, ledger::Ledger, shutter::NextSlot};
 use base::time::{Span, Tai};
 use frames::camera_control::{
     AutoMode, CameraCommand, CameraRange, CommandSource, Commanded, ExposureMode, Region, Regions, TriggerOverlap,

@@ -1,9 +1,7 @@
 //! Lines over TCP: bounded lines, other protocols recognised, and checks for Ctrl-C while waiting.
 
 use crate::wiring::control::protocol::LINE_BYTES_MAX;
-use core::fmt;
-use core::str::FromStr;
-use core::time::Duration;
+use core::{fmt, str::FromStr, time::Duration};
 use link::gateway::{Foreign, Screen};
 use serde_json::Value;
 use std::io::{ErrorKind, Read, Write};

@@ -5,10 +5,8 @@
 
 use super::{NewestFrames, Refusal, Stage, answer, protocol};
 use crate::runtime::RunRecord;
-use crate::wiring::assemble::Run;
-use crate::wiring::error::LoopError;
 use crate::wiring::run_end::{LoopView, RunEnd};
-use crate::wiring::stepped::SteppedRun;
+use crate::wiring::{assemble::Run, error::LoopError, stepped::SteppedRun};
 use config::Scenario;
 use core::sync::atomic::AtomicBool;
 use frames::sink::SentFrame;

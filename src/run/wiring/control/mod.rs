@@ -30,10 +30,7 @@ pub use lines::ControlAddress;
 
 use crate::runtime::exposing::Exposing;
 use crate::runtime::{Ledger, RunRecord};
-use crate::wiring::error::LoopError;
-use crate::wiring::run_end::LoopView;
-use crate::wiring::steering::Steering;
-use crate::wiring::stepped::SteppedRun;
+use crate::wiring::{error::LoopError, run_end::LoopView, steering::Steering, stepped::SteppedRun};
 use admission::{Admitted, admit, foreign_sentence};
 use answers::Instants;
 use base::clock::{Clock, Monotonic};
@@ -45,8 +42,7 @@ use lines::{Incoming, LineSocket};
 pub use newest::NewestFrames;
 use protocol::{Request, StepBy, refused, reported};
 use serde_json::{Value, json};
-use std::net::TcpListener;
-use std::path::Path;
+use std::{net::TcpListener, path::Path};
 use testbed::vehicle::Vehicle;
 use token::{Token, TokenFile};
 

@@ -4,11 +4,9 @@
 //! neither `..`, nor a link, nor a file that appears meanwhile leads elsewhere. Tests: below.
 
 use rustix::fs::{AtFlags, Mode, OFlags, open, openat, unlinkat};
-use std::ffi::OsStr;
-use std::fs::File;
 use std::io::{self, BufWriter, Write};
-use std::os::fd::OwnedFd;
 use std::path::{Component, Path};
+use std::{ffi::OsStr, fs::File, os::fd::OwnedFd};
 
 /// Writes a new file below `folder` with `write`; returns its size in bytes. The file is removed if it cannot be
 /// written.

@@ -3,13 +3,9 @@
 //! Not available: `step`, because the real clock cannot be paused, and `summary`, because the report is made when the
 //! run ends: it comes with the answer to `finish`.
 
-use crate::runtime::RunRecord;
-use crate::runtime::real_parts::HeadParts;
 use crate::wiring::control::answers::{self, Instants};
-use crate::wiring::control::protocol::Request;
-use crate::wiring::control::samples::SampleList;
-use crate::wiring::error::LoopError;
-use crate::wiring::steering::Steering;
+use crate::wiring::{control::protocol::Request, control::samples::SampleList, error::LoopError, steering::Steering};
+use crate::{runtime::RunRecord, runtime::real_parts::HeadParts};
 use base::time::{Span, Tai};
 use config::{Event, Plant, Scenario};
 use core::time::Duration;

@@ -1,10 +1,9 @@
 //! Tests that every line is a request or a refusal in plain words, that lines of any bytes are separated, and base64.
 
 use super::admission::{ControlRefusals, admit};
-use super::base64::encode;
 use super::lines::{ControlAddress, Incoming, LineSocket};
 use super::protocol::{LINE_BYTES_MAX, Request, StepBy, parse};
-use super::token::Token;
+use super::{base64::encode, token::Token};
 use core::sync::atomic::{AtomicBool, Ordering};
 use serde_json::json;
 use std::io::Write;

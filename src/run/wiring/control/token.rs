@@ -5,12 +5,9 @@
 //! read: `$XDG_RUNTIME_DIR/starloop/control-ADDRESS_PORT.token`, or `starloop-UID` in the folder for temporary files
 //! instead of `$XDG_RUNTIME_DIR/starloop`. The file is removed at the end of the run. Tests: below.
 
-use crate::wiring::control::error::ControlError;
-use crate::wiring::control::lines::ControlAddress;
-use core::fmt;
-use core::hint::black_box;
-use rand::TryRng;
-use rand::rngs::SysRng;
+use crate::wiring::control::{error::ControlError, lines::ControlAddress};
+use core::{fmt, hint::black_box};
+use rand::{TryRng, rngs::SysRng};
 use std::fs::{self, DirBuilder, File, OpenOptions};
 use std::io::{self, ErrorKind, Write};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};

@@ -1,15 +1,13 @@
 //! A capture -> the messages of its links, each through its own port, the earliest first.
 
 use super::ReplayError;
-use crate::runtime::RunError;
-use crate::wiring::ports::port_over;
+use crate::{runtime::RunError, wiring::ports::port_over};
 use base::time::{Span, Tai};
 use config::{Bench, Link as LinkSettings, Wire};
 use link::capture::{CaptureError, CaptureReader, CapturedPacket, Direction};
 use link::{Input, Link, LinkCounters, LinkError, Packet, Port, Stamped};
-use std::fs::File;
-use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::{fs::File, path::Path};
 
 /// Source of packets.
 pub(super) struct Source<'a> {

@@ -8,8 +8,7 @@
 use super::sample_table::SAMPLES_FILE;
 use super::{FRAMES_FILE, ReplayError, RowCounts, RowReader, Session, SessionEnd, sample_table};
 use link::capture::{CaptureError, CaptureReader};
-use std::fs::File;
-use std::path::Path;
+use std::{fs::File, path::Path};
 
 /// Refuses a capture whose content differs from its end record.
 ///

@@ -5,9 +5,7 @@
 //! that arrived after those faults acted.
 
 use super::ReplayError;
-use crate::runtime::FrameEngine;
-use crate::runtime::frame_faults::FrameFaults;
-use crate::runtime::receiver::Receiver;
+use crate::runtime::{FrameEngine, frame_faults::FrameFaults, receiver::Receiver};
 use crate::wiring::fault_desk::{FaultDesk, in_order_of_placing, make_ready};
 use base::time::{Span, Tai};
 use config::Event;

@@ -6,14 +6,12 @@
 use super::captured_links::{CapturedLinks, Source};
 use super::head_faults::HeadFaults;
 use super::{CapturedFate, CapturedSample, Difference, DrawnFrom, FrameRow, HeadOutcome, ReplayError};
-use crate::runtime::frame_faults::Fate;
-use crate::runtime::head_step::HeadStep;
 use crate::runtime::receiver::{PORTS_MAX, Receiver};
 use crate::runtime::{Exposed, FrameEngine, Imager, Ledger, Slot};
-use crate::wiring::fault_desk::FaultDesk;
-use crate::wiring::faults::Inventory;
-use crate::wiring::heads::CostsHere;
-use crate::wiring::heads::{HeadSetting, RunHead, make_heads};
+use crate::wiring::heads::{CostsHere, HeadSetting, RunHead, make_heads};
+use crate::{
+    runtime::frame_faults::Fate, runtime::head_step::HeadStep, wiring::fault_desk::FaultDesk, wiring::faults::Inventory,
+};
 use base::time::{Span, Tai};
 use config::{Event, Scenario};
 use core::ops::Range;

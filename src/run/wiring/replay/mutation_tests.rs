@@ -4,8 +4,7 @@
 //! The fuzz targets of `tests/fuzz` build no drawing crate; these readers are fuzzed here, from seeds, by random
 //! changes of bytes, lines and fields. Rows that the test makes must be read back unchanged.
 
-use super::rows::columns;
-use super::*;
+use super::{rows::columns, *};
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use std::path::Path;

@@ -1,9 +1,8 @@
 //! A capture -> frames, through the same ports, receivers, engines and faults as in the run, head by head.
 
-use super::captured_links::Source;
 use super::head_playback::{HeadPlayback, Replayed};
-use super::row_reader::RowsOfHead;
 use super::{Difference, FRAMES_FILE, HeadOutcome, ReplayError, RowReader, Session, completeness, sample_table};
+use super::{captured_links::Source, row_reader::RowsOfHead};
 use crate::wiring::heads::RunHead;
 use config::Scenario;
 use core::ops::Range;

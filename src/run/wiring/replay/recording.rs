@@ -14,22 +14,16 @@
 //! Only on the virtual clock it waits for the disk; on the real clock, data that the disk does not take is lost and
 //! counted.
 
-use super::injected::Injected;
-use super::row_writer::RowWriter;
-use super::sample_table::SampleWriter;
-use super::session::SessionParams;
 use super::{FRAMES_FILE, ReplayError, SESSION_FILE, Session, SessionEnd};
+use super::{injected::Injected, row_writer::RowWriter, sample_table::SampleWriter, session::SessionParams};
 use crate::runtime::{DeadlinePolicy, FrameEngine, PlantSample, frame_marks};
 use base::time::{Span, Tai};
 use config::Event;
 use frames::sink::Sink;
-use link::Link;
-use link::capture::CaptureFormat;
-use link::tap::Capture;
-use std::fs::File;
-use std::io::BufWriter;
+use link::{Link, capture::CaptureFormat, tap::Capture};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::{fs::File, io::BufWriter};
 
 /// Records samples, from any thread.
 #[derive(Clone)]

@@ -3,8 +3,7 @@
 
 use super::{FRAMES_FILE, ReplayOptions, ReplayOutcome, SESSION_FILE, replay_session};
 use crate::wiring::assemble::{Outputs, Run, RunOptions};
-use crate::wiring::capture_tap::CaptureOptions;
-use crate::wiring::stepped::SteppedRun;
+use crate::wiring::{capture_tap::CaptureOptions, stepped::SteppedRun};
 use base::time::Span;
 use config::{Action, Document, Event, Scenario};
 use frames::sink::{FaultPixels, FrameFault, NullSink, Sink};

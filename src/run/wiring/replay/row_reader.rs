@@ -3,10 +3,8 @@
 use super::rows::{ORDER_FRAMES, WANTED_HEADER};
 use super::table_lines::TableLines;
 use super::{FrameRow, ReplayError, RowForm};
-use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::{BufRead, BufReader};
-use std::path::Path;
+use std::{collections::BTreeMap, fs::File, path::Path};
 
 const DOING: &str = "read the frames";
 /// Longest row, bytes.

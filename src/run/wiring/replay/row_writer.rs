@@ -11,20 +11,15 @@
 use super::rows::{HEADER, ORDER_FRAMES};
 use super::{CapturedFate, DrawnFrom, FrameRow, ReplayError, RowCounts};
 use crate::runtime::{FrameMark, FrameMarksEnd};
-use base::patience;
-use base::time::Span;
-use base::writer_queue::WriterQueue;
+use base::{patience, time::Span, writer_queue::WriterQueue};
 use core::sync::atomic::{AtomicU64, Ordering};
 use crossbeam_channel::Receiver;
 use frames::sink::crc32::pixel_crc32;
 use frames::sink::{FaultFlags, Loss, SentFrame, Sink, SinkError, SinkLine, SinkSummary};
 use link::capture::CaptureError;
-use std::collections::VecDeque;
-use std::fs::File;
 use std::io::{self, BufWriter, Write};
-use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
-use std::thread::JoinHandle;
+use std::{collections::VecDeque, fs::File, path::Path, thread::JoinHandle};
 
 /// Capacity of the queue between the sinks and the writer.
 const QUEUE_ROWS: usize = 4096;

@@ -10,8 +10,7 @@
 //! earlier.
 
 use super::exposed;
-use crate::runtime::Exposed;
-use crate::runtime::receiver::PORTS_MAX;
+use crate::runtime::{Exposed, receiver::PORTS_MAX};
 use std::io::{self, Write};
 
 /// Expands to the last columns of every form. The column of the degradation keeps its published name.

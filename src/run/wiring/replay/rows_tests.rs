@@ -8,12 +8,10 @@ use super::{CapturedFate, DrawnFrom, FrameRow, RowCounts};
 use crate::runtime::receiver::PORTS_MAX;
 use crate::runtime::{FrameMark, frame_marks};
 use CapturedFate::{Dropped, Held, Late, Sent};
-use base::patience;
-use base::time::Span;
+use base::{patience, time::Span};
 use crossbeam_channel::{Receiver, bounded};
-use frames::sink::crc32::pixel_crc32;
-use frames::sink::sample::sample_frame;
 use frames::sink::{FaultFlags, NullSink, SentFrame, Sink};
+use frames::sink::{crc32::pixel_crc32, sample::sample_frame};
 use std::io::{self, Write};
 use std::path::Path;
 

@@ -6,16 +6,13 @@
 //! axes). Rows are in the order in which samples were sent; in lockstep each acts at its own instant, on the real clock
 //! at its arrival. Limits: [`SAMPLES_MAX`] rows. Tests: below, `tests/closed_loop/lockstep.rs`.
 
-use super::ReplayError;
-use super::table_lines::TableLines;
+use super::{ReplayError, table_lines::TableLines};
 use crate::runtime::{PlantAttitude, PlantSample};
-use base::axes::Rotation;
-use base::time::Tai;
+use base::{axes::Rotation, time::Tai};
 use glam::DVec3;
 use sky::observer::BarycentricState;
-use std::fs::File;
 use std::io::{BufRead, BufReader, BufWriter, Write};
-use std::path::Path;
+use std::{fs::File, path::Path};
 
 /// Name of the file.
 pub(super) const SAMPLES_FILE: &str = "samples.csv";

@@ -8,15 +8,13 @@
 use super::exact_numbers::{exact, number, wrong};
 use super::injected::{Injected, KeptEvent};
 use super::{ReplayError, RowCounts, SESSION_FILE};
-use base::input_file::read_text;
-use base::time::Tai;
+use base::{input_file::read_text, time::Tai};
 use config::{Backend, Document, Event, PackedDocuments, Scenario, Setting};
 use frames::sink::replace_own_file;
 use link::capture::CaptureFormat;
 use plan::exposure::cost::CostModel;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
-use std::path::Path;
+use std::{collections::BTreeMap, path::Path};
 
 /// Form of the file.
 const FORM: u32 = 2;

@@ -3,11 +3,8 @@
 use super::super::{CameraOrders, CameraWish, Exposed, Mode, Outcome, Tracker};
 use super::draw::{Painter, Shot, random_attitude};
 use super::*;
-use base::region::Regions;
-use base::time::Span;
-use base::units::DEG;
-use rand::SeedableRng;
-use rand::rngs::StdRng;
+use base::{region::Regions, time::Span, units::DEG};
+use rand::{SeedableRng, rngs::StdRng};
 
 /// Time between frames, s.
 const STEP_S: f64 = 0.1;

@@ -2,10 +2,8 @@
 
 use super::super::{DetectorFigures, Geometry, TrackerParams};
 use base::axes::{Icrf, Rotation, Sensor};
-use base::image::DnImage;
 use base::source::{direction_from_ra_dec, ra_dec_rad};
-use base::time::Tai;
-use base::units::MAS;
+use base::{image::DnImage, time::Tai, units::MAS};
 use core::f64::consts::TAU;
 use glam::{DVec2, DVec3};
 use rand::rngs::StdRng;

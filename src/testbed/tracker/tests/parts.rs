@@ -1,12 +1,10 @@
 //! Geometry, aberration, guide stars, pairs and Wahba's problem, against formulae written afresh.
 
 use super::super::adjust::{MatchedStar, adjust};
-use super::super::centroid::Spot;
-use super::super::pairs::PairIndex;
 use super::super::wahba::{Observation, davenport};
 use super::super::{Geometry, GuideStars, TrackerError, TrackerParams, apparent};
 use super::draw::{aberrated, gaussian, project, random_attitude};
-use super::*;
+use super::{super::centroid::Spot, super::pairs::PairIndex, *};
 use base::axes::{Icrf, Rotation, Sensor};
 use base::source::{direction_from_ra_dec, ra_dec_rad};
 use base::units::{ARCSEC, DEG, MAS};

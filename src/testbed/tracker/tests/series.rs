@@ -6,8 +6,7 @@ use super::*;
 use base::axes::{Icrf, Rotation, Sensor};
 use base::time::Span;
 use base::units::{ARCSEC, DEG};
-use rand::SeedableRng;
-use rand::rngs::StdRng;
+use rand::{SeedableRng, rngs::StdRng};
 
 /// Time between frames, s.
 const STEP_S: f64 = 0.1;

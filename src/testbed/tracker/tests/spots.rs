@@ -1,17 +1,14 @@
 //! Background, detection and centroids on painted stars.
 
-use super::super::background::BackgroundGrid;
-use super::super::blend::Blend;
 use super::super::centroid::{SpotModel, centre_of_gravity, gaussian_fit};
 use super::super::detect::{Detector, PEAK_SIGMA};
-use super::super::track::spot_model;
 use super::super::{Reason, TrackerParams};
+use super::super::{background::BackgroundGrid, blend::Blend, track::spot_model};
 use super::draw::{Painter, gaussian};
 use super::*;
 use base::image::DnImage;
 use glam::DVec2;
-use rand::SeedableRng;
-use rand::rngs::StdRng;
+use rand::{SeedableRng, rngs::StdRng};
 
 /// Returns a camera without noise and with a fine converter, so that only the method's own error is left.
 fn quiet() -> Camera {

@@ -1,15 +1,13 @@
 //! Noise by the stars of a field, against the fit of painted stars and the tracker's own estimate.
 
 use super::super::centroid::{SpotModel, gaussian_fit};
-use super::super::track::spot_model;
 use super::super::{ExposedLight, Outcome, StarNoise, Tracker, TrackerParams};
 use super::draw::{Painter, Shot, random_attitude};
-use super::*;
+use super::{super::track::spot_model, *};
 use base::time::Span;
 use core::f64::consts::PI;
 use glam::DVec2;
-use rand::SeedableRng;
-use rand::rngs::StdRng;
+use rand::{SeedableRng, rngs::StdRng};
 
 /// Noise of a pixel of [`Camera::coarse`]: read noise, fixed pattern, rounding, dark signal.
 const BACKGROUND_SIGMA_E: f64 = 62.5;
