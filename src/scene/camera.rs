@@ -82,6 +82,7 @@ impl CameraParams {
             saturation_dn: full_dn.min(levels.largest_dn),
             read_noise_e_rms: levels.read_noise_e_rms,
             temperature_c: levels.temperature_c,
+            drawn_to_mag_g: (f64::from(self.limiting_mag) * 100.0).round() / 100.0,
             colours: self.detector.spatial.output_colours(),
         }
     }

@@ -247,6 +247,8 @@ pub struct CameraFacts {
     pub read_noise_e_rms: f64,
     /// Temperature of the detector, degrees Celsius.
     pub temperature_c: f64,
+    /// Gaia G magnitude of the faintest stars that are drawn.
+    pub drawn_to_mag_g: f64,
     /// Colours of the image's pixels; `None` where they have none.
     pub colours: Option<BayerPattern>,
 }

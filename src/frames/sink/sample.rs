@@ -55,6 +55,7 @@ pub fn sample_frame(number: u32) -> SentFrame {
         saturation_dn: 4095.0,
         read_noise_e_rms: 7.5,
         temperature_c: -12.5,
+        drawn_to_mag_g: 7.25,
         colours: Some(BayerPattern::Gbrg),
     };
     frame.meta.facts = Some(facts);

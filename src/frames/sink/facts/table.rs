@@ -233,6 +233,8 @@ pub const TABLE: &[Row] = &[
         .fits(Optics, &[Card("XPIXSZ", Plain, "[um] width of a pixel of the image, binned"), Card("YPIXSZ", Plain, "[um] height of a pixel of the image, binned")]),
     row("focal_length_mm", Kind::Real, "mm", "Focal length", |f| of_camera(f, |facts| facts.focal_length_mm))
         .fits(Optics, &[Card("FOCALLEN", Plain, "[mm] focal length")]),
+    row("drawn_to_mag_g", Kind::Real, "mag", "Gaia G magnitude of the faintest stars that are drawn", |f| of_camera(f, |facts| facts.drawn_to_mag_g))
+        .fits(Optics, &[Card("MAGLIM", Plain, "[mag] Gaia G of the faintest stars drawn")]),
     row("saturation_dn", Kind::Real, "DN", "Number at which a pixel saturates", |f| of_camera(f, |facts| facts.saturation_dn))
         .fits(Detector, &[Card("SATURATE", Plain, "[DN] a pixel saturates")]),
     row("read_noise_e_rms", Kind::Real, "e-", "Read noise of one pixel of the image, rms", |f| of_camera(f, |facts| facts.read_noise_e_rms))
