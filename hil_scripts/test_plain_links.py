@@ -225,6 +225,20 @@ class PlainLinks(unittest.TestCase):
             self.check_steady(headers)
             return starloop.stop()
 
+    def test_refused_lines_of_42_are_quoted_with_the_keys_to_check(self):
+        for message, quote in (
+            (lambda t: as_42(t).replace(b"SC[0]", b"SC[1]"), '"[ENDMSG]" (plain_incomplete)'),
+            (lambda t: b"hello world\n", '"hello world" (plain_unread_line)'),
+        ):
+            with self.subTest(quote), tempfile.TemporaryDirectory() as folder, Lines42Bench(folder, "listen = 0") as starloop:
+                out = socket.create_connection(starloop.address)
+                with out, Sender(out.sendall, message):
+                    time.sleep(2.0)
+                reasons = {reason["kind"]: reason["text"] for reason in starloop.stop()["reasons"]}
+                self.assertIn(quote, reasons["no_attitude"])
+                self.assertIn("spacecraft_number", reasons["no_attitude"])
+                self.assertNotIn("id_bits", reasons["no_attitude"])
+
     def test_packed_doubles_over_udp_in_ten_lines(self):
         with tempfile.TemporaryDirectory() as folder, Stimulator(folder) as starloop:
             over = threading.Event()

@@ -36,7 +36,8 @@ pub(super) fn write_files(text: &mut String, bench: &Bench, plant: &Plant, param
             if arcsec > budget {
                 writeln!(
                     text,
-                    "  WARNING      that is more than accuracy.los_arcsec = {budget}: give denser rows, or rates with them"
+                    "  WARNING      the attitudes of the file err by up to {arcsec:.1e} arcsec between rows, more than \
+                     accuracy.los_arcsec = {budget}: give denser rows, or rates with them"
                 )?;
             }
         }
@@ -143,7 +144,7 @@ mod tests {
         for (part, warns) in [(0.8, false), (1.3, true)] {
             let text = report(part * edge_s, 20.0);
             assert!(text.contains("slerp") && text.contains("errs by less than"), "{text}");
-            assert_eq!(text.contains("accuracy.los_arcsec"), warns, "{part}: {text}");
+            assert_eq!(text.contains("WARNING      the attitudes of the file err by up to"), warns, "{part}: {text}");
         }
     }
 

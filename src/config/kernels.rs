@@ -3,7 +3,7 @@
 //! A build without the feature `spice` refuses them. Tests: `hil_scripts/test_spice.py`.
 
 use crate::key_type::{Raw, Whole};
-use crate::{check::Checker, error::ConfigError, key::Given};
+use crate::{check::Checker, error::ConfigError, key::Given, plant_file::refused};
 use histories::{AttitudeHistory, OrbitHistory, read};
 
 /// A file that may be a kernel, and the keys that go with one.
@@ -16,11 +16,11 @@ pub(super) struct Kernels<'k> {
 impl Kernels<'_> {
     /// Returns true for a kernel; refuses the keys of one beside another file.
     fn is_kernel(&self, check: &Checker<'_>) -> Result<bool, ConfigError> {
-        if self.file.raw().is_none() {
-            return Ok(false);
-        }
-        let is_kernel = self.file.raw().is_some_and(|path| read::is_kernel(&check.document.data_beside(path)));
-        if !is_kernel {
+        let Some(path) = self.file.raw().map(|path| check.document.data_beside(path)) else { return Ok(false) };
+        let is_kernel = read::is_kernel(&path);
+        if !is_kernel && (self.texts.is_given() || self.naif_id.is_given()) {
+            // A file that cannot be read, or is packed, is the mistake; the keys beside it are not.
+            read::text_of(&path).map_err(|error| refused(&self.file, &error, check))?;
             check.unused(&self.texts.key(), self.texts.is_given(), "a binary SPICE kernel")?;
             check.unused(&self.naif_id.key(), self.naif_id.is_given(), "a binary SPICE kernel")?;
         }

@@ -162,6 +162,10 @@ fn states_that_no_orbit_has_are_refused() {
         let error = of_file(&TABLE.replacen(from, to, 1), "").expect_err(part).to_string();
         assert!(error.contains("observer.file") && error.contains(part), "{part}: {error}");
     }
+    let header = "unix_s,x_m,y_m,z_m,vx_m_s,vy_m_s,vz_m_s";
+    let km = format!("{header}\n1772323200,7000,0,0,0,7.5,0\n1772323260,6985,450,0,-0.5,7.5,0\n");
+    let error = of_file(&km, "").expect_err("kilometres in columns of metres").to_string();
+    assert!(error.contains("7.0 km from its centre") && error.contains("units"), "{error}");
 }
 
 #[test]

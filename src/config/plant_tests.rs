@@ -217,3 +217,20 @@ fn a_message_is_laid_upon_the_run_by_its_own_times_or_at_the_first_exposure() {
     std::fs::write(folder.path().join("x.aem"), "0 1 0 0 0\n").unwrap();
     assert!(read("begins = \"utc\"\n").unwrap_err().to_string().contains("a zero of its own"));
 }
+
+#[test]
+fn a_kernel_that_is_missing_or_packed_is_the_mistake_and_not_its_clock() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("a.bc.gz"), b"\x1f\x8b\x08\0").unwrap();
+    std::fs::write(folder.path().join("a.csv"), "t_s,qw,qx,qy,qz\n0.0,1,0,0,0\n1.0,1,0,0,0\n").unwrap();
+    for (file, part) in [
+        ("none.bc", "plant.attitude"),
+        ("a.bc.gz", "packed by gzip"),
+        ("a.csv", "wanted no plant.kernels here"), // control: a table takes no kernels
+    ] {
+        let text = format!("[plant]\nkind = \"file\"\nattitude = \"{file}\"\nkernels = [\"clock.tsc\"]\n");
+        let document = Document::from_text(&text, &folder.path().join("lab.toml"));
+        let error = Scenario::from_document(&document).expect_err(file).to_string();
+        assert!(error.contains(part), "{file}: {error}");
+    }
+}

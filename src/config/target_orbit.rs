@@ -3,6 +3,7 @@
 use crate::key::{Given, Section, taken};
 use crate::{check::Checker, error::ConfigError, key_type::Raw, target::TargetKeys};
 use base::{time::Tai, units::DEG};
+use histories::read::packed;
 use sky::orbit::KeplerElements;
 use sky::target::{Brightness, MOST_PHASE_POINTS, PhaseCurve, SUN_BP_RP};
 
@@ -173,7 +174,12 @@ fn text_of(file: &Given<'_, String>, path: &str, check: &Checker<'_>) -> Result<
         let (got, wanted) = (format!("{} bytes", bytes.len()), format!("at most {LARGEST_FILE} bytes"));
         return Err(check.invalid(&file.key(), got, wanted, "name a file of fewer objects"));
     }
-    String::from_utf8(bytes).map_err(|error| check.invalid(&file.key(), error, "text", "two-line elements, or an OMM"))
+    let advice = "two-line elements, or an OMM";
+    if let Some(why) = packed(&bytes) {
+        return Err(check.invalid(&file.key(), format!("{path}: {why}"), "text", advice));
+    }
+    let is_no_text = |_bytes| check.invalid(&file.key(), format!("{path}, which is not UTF-8"), "text", advice);
+    String::from_utf8(bytes).map_err(is_no_text)
 }
 
 impl TargetKeys {

@@ -40,8 +40,8 @@ pub fn text_of(path: &Path) -> Result<String, HistoryError> {
     let file = path.display().to_string();
     let refuse = |why: String| HistoryError { file: file.clone(), line: None, why };
     let bytes = read_bytes(path, MOST_BYTES).map_err(|error| refuse(format!("cannot be opened: {error}")))?;
-    if let Some((by, unpack)) = packed_by(&bytes) {
-        return Err(refuse(format!("it is packed by {by}; wanted the file itself: unpack it by {unpack}")));
+    if let Some(why) = packed(&bytes) {
+        return Err(refuse(why));
     }
     String::from_utf8(bytes).map_err(|error| {
         let line = 1 + error.as_bytes()[..error.utf8_error().valid_up_to()].iter().filter(|b| **b == b'\n').count();
@@ -49,8 +49,8 @@ pub fn text_of(path: &Path) -> Result<String, HistoryError> {
     })
 }
 
-/// Returns the program that packed a file, and the one that unpacks it; `None` for a file that is not packed.
-fn packed_by(bytes: &[u8]) -> Option<(&'static str, &'static str)> {
+/// Returns why a packed file is not read; `None` for a file that is not packed.
+pub fn packed(bytes: &[u8]) -> Option<String> {
     const BEGINNINGS: [(&[u8], &str, &str); 6] = [
         (b"\x1f\x8b", "gzip", "gunzip"),
         (b"BZh", "bzip2", "bunzip2"),
@@ -60,7 +60,7 @@ fn packed_by(bytes: &[u8]) -> Option<(&'static str, &'static str)> {
         (b"PK\x03\x04", "zip", "unzip"),
     ];
     let found = BEGINNINGS.into_iter().find(|(begin, _, _)| bytes.starts_with(begin));
-    found.map(|(_, by, unpack)| (by, unpack))
+    found.map(|(_, by, unpack)| format!("it is packed by {by}; wanted the file itself: unpack it by {unpack}"))
 }
 
 /// Returns the first bytes of a file; `None` where it has fewer or cannot be read.

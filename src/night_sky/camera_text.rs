@@ -24,6 +24,13 @@ pub struct Fit<'a> {
     pub noise: PixelNoise,
 }
 
+/// Returns the read noise of the file, e- rms: the measured one, less what is drawn from its other keys.
+fn read_noise_e(noise: PixelNoise, camera: &Camera) -> f64 {
+    let (measured_e, params) = (noise.read_dn * noise.gain_e_per_dn, &camera.detector.params);
+    let drawn_e2 = params.dsnu_e_rms.powi(2) + params.amplifier_noise_e_rms.powi(2);
+    (measured_e.powi(2) - drawn_e2).max(0.0).sqrt()
+}
+
 /// Returns the text of the fitted camera file.
 ///
 /// # Errors
@@ -42,7 +49,7 @@ pub fn fitted(text: &str, camera: &Camera, name: &str, fit: &Fit<'_>) -> Result<
     }
     let gain = fit.noise.gain_e_per_dn;
     set(&mut file, "detector", "gain_e_per_dn", gain);
-    set(&mut file, "detector", "read_noise_e_rms", fit.noise.read_dn * gain);
+    set(&mut file, "detector", "read_noise_e_rms", read_noise_e(fit.noise, camera));
     let mut zero_e = camera.star_light().electrons(0.0, 0.0, exposure_s);
     if let Some(light) = fit.light {
         set(&mut file, "radiometry", "color_c1", light.colour[0]);
@@ -215,5 +222,10 @@ mod tests {
         let dn = |e_per_s: f64| e_per_s * exposure_s / 2.75;
         assert!((dn(params.background.sky_e_per_s) - 150.0).abs() < 0.1, "{}", dn(params.background.sky_e_per_s));
         assert!((dn(params.background.uniform_e_per_s) - 60.0).abs() < 1e-6);
+        let (read_e, offsets_e) = (params.detector.read_noise_e_rms, params.detector.dsnu_e_rms);
+        assert!(
+            offsets_e > 0.0 && (read_e.hypot(offsets_e) - 1.6 * 2.75).abs() < 1e-6,
+            "{read_e}: noise is drawn once"
+        );
     }
 }

@@ -7,7 +7,7 @@ use crate::detect::{self, Detection};
 use crate::field::{FieldStar, TIE_SNR, clipped, rms_of, ties_of_detections, ties_of_spots};
 use crate::geometry::{FittedGeometry, Freedom, Geometry, Tie};
 use crate::light_fit::{self, FittedLight, LitStar};
-use crate::measure::{Plate, Spot, measure};
+use crate::measure::{PixelNoise, Plate, Spot, measure};
 use crate::psf_fit::{self, FittedPsf};
 use crate::response::{Response, Tone, response};
 use crate::{compare::Comparer, error::CompareError, fitted::Fitted, picture::Picture, stamp::Stamp, terms};
@@ -65,8 +65,9 @@ impl Comparer {
         let spots = measure(&plate, &placed.stamp, &places);
         let lit = self.lit(&plate, &geometry, &field, &spots);
         let edge_tangent = self.params.geometry.half_diagonal_rad().tan();
-        let background =
-            light_fit::background(real, surface, noise.black_dn, |at: DVec2| lit.illumination.at(at * edge_tangent));
+        let background = light_fit::background(real, surface, self.unlit_dn(&noise), |at: DVec2| {
+            lit.illumination.at(at * edge_tangent)
+        });
         Ok(Fitted {
             geometry,
             freedom: placed.freedom,
@@ -127,6 +128,12 @@ impl Comparer {
         without.map_or(f64::NAN, |(plain, _)| rms_of(&plain.geometry, ties))
     }
 
+    /// Returns the value of a pixel without light, DN: the black level and the dark current, which is drawn by itself.
+    fn unlit_dn(&self, noise: &PixelNoise) -> f64 {
+        let dark_e = self.params.detector.operating_dark_e_per_s() * self.camera.exposure.exposure_s;
+        noise.black_dn + dark_e / noise.gain_e_per_dn
+    }
+
     /// Finds the illumination by the background, or by the stars where they contradict it.
     fn lit(&self, plate: &Plate<'_>, geometry: &Geometry, field: &[FieldStar], spots: &[Option<Spot>]) -> Lit {
         let edge_tangent = self.params.geometry.half_diagonal_rad().tan();
@@ -135,7 +142,7 @@ impl Comparer {
         let by_background = light_fit::vignetting(
             plate.picture,
             plate.background,
-            plate.noise.black_dn,
+            self.unlit_dn(&plate.noise),
             pupil_mm,
             edge_tangent,
             noise_dn,

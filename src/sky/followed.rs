@@ -126,12 +126,13 @@ fn hermite(earlier: (Tai, BarycentricState), later: (Tai, BarycentricState), at:
 /// Refuses a state that no orbit about the body has: not finite, faster than anything that passes the body, or below its
 /// surface.
 pub(crate) fn check_state(about: CentralBody, at: Tai, state: BarycentricState) -> Result<(), ObserverError> {
+    above_surface(about, at, state)?;
     TwoBodyOrbit::from_state(at, state.position_km, state.velocity_km_s, about.gm_km3_s2())?;
     let (speed_km_s, most_km_s) = (state.velocity_km_s.length(), about.fastest_km_s());
     if speed_km_s > most_km_s {
         return Err(ObserverError::TooFast { about, at, speed_km_s, most_km_s });
     }
-    above_surface(about, at, state).map(drop)
+    Ok(())
 }
 
 /// Returns a state about a body, unless it is below its surface.

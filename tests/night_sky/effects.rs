@@ -178,3 +178,19 @@ fn a_bottom_up_fits_file_without_an_order_of_rows_is_turned_over() {
     let error = comparer.compare(&file(&folder, "stated.fits", &bytes)).err().unwrap().to_string();
     assert!(error.contains("mirrored") && error.contains("--flip rows"), "{error}");
 }
+
+#[test]
+fn offsets_of_pixels_and_dark_current_are_drawn_once() {
+    let uneven =
+        taking().replace("dsnu_e_rms = 0.5", "dsnu_e_rms = 9.0").replace("dark_e_per_s = 0.0", "dark_e_per_s = 400.0");
+    assert!(uneven.contains("dsnu_e_rms = 9.0") && uneven.contains("dark_e_per_s = 400.0"), "control");
+    let folder = TempDir::new().unwrap();
+    let picture = frame_of(&uneven, attitude([0.0; 3]), 19);
+    let path = file(&folder, "frame.tiff", &super::tiff(&picture, 16.0));
+    let camera = Path::new("taking.toml");
+    let comparer = Comparer::new(&Document::from_text(&uneven, camera), camera, Options::default()).unwrap();
+    let found = comparer.compare(&path).unwrap().result;
+    assert!((found.background_noise_ratio - 1.0).abs() < 0.03, "{}", found.background_noise_ratio);
+    let more_dn = found.background.drawn_mean_dn - found.background.real_mean_dn;
+    assert!(more_dn.abs() < 5.0, "{more_dn} DN; the dark current alone is 44 DN");
+}

@@ -157,6 +157,9 @@ fn unreadable_kernels_are_refused_with_a_reason() {
         let error = read(&file, &[SCLK]).expect_err(part);
         assert!(error.starts_with("a.bc: ") && error.contains(part), "{part}: {error}");
     }
+    let packed = [KernelFile { file: "a.tsc.gz", bytes: b"\x1f\x8b\x08\0" }];
+    let error = attitudes(KernelFile { file: "a.bc", bytes: &good }, &packed, None).unwrap_err().to_string();
+    assert!(error.contains("a.tsc.gz: it is packed by gzip"), "{error}");
     for s_per_tick in [1e279, f64::INFINITY, 0.021, 0.004] {
         let mut segment = type_2();
         segment.2[7] = s_per_tick;

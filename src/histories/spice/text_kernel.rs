@@ -32,6 +32,9 @@ impl TextKernel {
         if bytes.len() > BYTES_MAX {
             return Err(source.whole(format!("{} bytes; wanted a text kernel of at most {BYTES_MAX}", bytes.len())));
         }
+        if let Some(why) = crate::read::packed(bytes) {
+            return Err(source.whole(why));
+        }
         let text: Cow<'_, str> = match core::str::from_utf8(bytes) {
             Ok(text) => text.trim_start_matches('\u{feff}').into(),
             Err(_) => bytes.iter().map(|byte| char::from(*byte)).collect::<String>().into(),

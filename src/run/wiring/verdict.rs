@@ -10,6 +10,7 @@ use crate::{runtime::exposing::Exposing, wiring::heads::RunHead};
 use base::time::Tai;
 use config::{Bench, Carrier, GatewayPorts, Link, Scenario, SessionStart, Wire};
 use frames::report::{FrameAccount, FrameEnd, Losses, Reason, RunLimits, RunVerdict, RunWord};
+use link::plain::Encoding;
 
 /// How a run ended before its last frame, other than by an error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -95,7 +96,12 @@ fn link_name(link: &Link) -> String {
 
 /// Returns what to check where nothing arrives over a link.
 fn advice(bench: &Bench) -> &'static str {
+    let is_of_42 =
+        bench.link.plain.as_ref().is_some_and(|plain| matches!(plain.layout.encoding, Encoding::FortyTwo(_)));
     match (&bench.link.wire, &bench.link.carrier) {
+        (Wire::Plain, _) if is_of_42 => {
+            "check that 42 sends to this address, that spacecraft_number is a spacecraft of its SC[n] lines, and encoding"
+        }
         (Wire::Plain, _) => {
             "check that the other end sends to this address, and encoding, order of values and sender of both ends"
         }
@@ -165,7 +171,9 @@ fn add_silence(verdict: &mut RunVerdict, promise: &Promise, facts: &Facts<'_>) {
     if promise.is_external && accepted == 0 && was_due {
         let refused: u64 = facts.ports.iter().map(PortReading::refused_messages).sum();
         let text = if refused > 0 {
-            format!("no attitude was accepted: {refused} messages were refused")
+            let first = facts.ports.iter().find_map(|port| port.first_refused);
+            let first = first.map_or_else(String::new, |first| format!(", the first is {first}"));
+            format!("no attitude was accepted: {refused} messages were refused{first}: {}", promise.advice)
         } else {
             format!("no attitude arrived: {}", promise.advice)
         };

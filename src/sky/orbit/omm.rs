@@ -22,9 +22,9 @@ const NUMBERS: [(&str, &str, f64, f64); 7] = [
     ("MEAN_MOTION", "rev/day", 1e-3, 20.0),
     ("ECCENTRICITY", "", 0.0, 0.999_999_9),
     ("INCLINATION", "deg", 0.0, 180.0),
-    ("RA_OF_ASC_NODE", "deg", -360.0, 360.0),
-    ("ARG_OF_PERICENTER", "deg", -360.0, 360.0),
-    ("MEAN_ANOMALY", "deg", -360.0, 360.0),
+    ("RA_OF_ASC_NODE", "deg", -720.0, 720.0),
+    ("ARG_OF_PERICENTER", "deg", -720.0, 720.0),
+    ("MEAN_ANOMALY", "deg", -720.0, 720.0),
     ("BSTAR", "1/ER", -10.0, 10.0),
 ];
 /// Forms of an instant: day of the month, and day of the year.
@@ -244,6 +244,10 @@ mod tests {
         let with_units = kvn().replace("= 51.6416", "= 51.6416 [deg]");
         for text in [&kvn(), &xml(), &csv(), &by_day_of_year, &zulu, &marked, &with_units] {
             assert_eq!(position(text), wanted, "{text}");
+        }
+        for (from, to) in [("247.4627", "607.4627"), ("130.5360", "-229.4640"), ("325.0288", "685.0288")] {
+            let turned = OBJECT.replace(from, to);
+            assert!(turned != OBJECT && position(&turned).distance(wanted) < 1e-6, "{to}: a whole turn more");
         }
         let changed = kvn().replace("51.6416", "51.6417");
         assert!(position(&changed).distance(wanted) > 1e-3, "control: a changed digit is seen");
