@@ -298,9 +298,9 @@ def report_of(
     outcome = "failed" if is_broken else "passed" if is_met and whole else "not_shown"
     word = outcome.upper().replace("_", " ")
     verdict = f"{word}: {about['title']}, {met} of {len(judgements)} requirements met by {len(rows)} runs"
-    by_value = sum(requirement.by == "value" for requirement in requirements)
-    if by_value:
-        verdict += f", {by_value} compared by value, not by interval"
+    compared = sum(requirement.by == "value" for requirement in requirements)
+    if compared:
+        verdict += f", {compared} compared by value, not by interval"
     return {
         "schema": SCHEMA,
         "title": about["title"],

@@ -5,6 +5,7 @@ it; a node of the soak fills the rest. Faults are drawn by a seed: some are in t
 and some happen to the program from outside (a cable, a client, a pause of the whole program).
 """
 
+import math
 import random
 from pathlib import Path
 
@@ -77,6 +78,7 @@ ring_frames = {ring_frames}
 
 [expect]                                   # pointing is not judged: faults come before the loop is on target again
 recovery_s = {recovery_s}
+{limits}
 {sinks}
 {events}
 """
@@ -99,7 +101,7 @@ queue = 16
 
 
 def bench_text(seed, seconds, events=(), *, rate_hz=20.0, camera=None, sinks="", serial_port=None, gateway=True,
-               start_utc="2026-03-01T00:00:00Z", attitude_hz=100.0, jitter=True, bit_rates=BIT_RATES):
+               start_utc="2026-03-01T00:00:00Z", attitude_hz=100.0, jitter=True, bit_rates=BIT_RATES, limits=""):
     """Returns the bench as TOML, with its events."""
     return BENCH.format(
         camera=camera or CONFIGS / "cameras/star_tracker_20deg_20hz.toml", configs=CONFIGS, seed=seed,
@@ -107,9 +109,16 @@ def bench_text(seed, seconds, events=(), *, rate_hz=20.0, camera=None, sinks="",
         extra_link=f'[[extra_link]]\nkind = "serial"\nport = "{serial_port}"\n' if serial_port else "",
         rate_hz=rate_hz, seconds=seconds, start_utc=start_utc, attitude_hz=attitude_hz,
         jitter='jitter_source = "samples"\njitter_sample_hz = 1000.0' if jitter else "",
-        ring_frames=min(int(seconds * rate_hz) + 100, 1_000_000), recovery_s=max(2.0 * seconds, 120.0), sinks=sinks or '\n[sink]\nkind = "null"\n',
+        ring_frames=min(int(seconds * rate_hz) + 100, 1_000_000), recovery_s=max(2.0 * seconds, 120.0), limits=limits, sinks=sinks or '\n[sink]\nkind = "null"\n',
         events="".join(event_text(event) for event in events),
     )  # fmt: skip
+
+
+def limits_text(events, rate_hz):
+    """Returns limits of `[expect]`: what faults of the bus may cost while they last, and four frames more each."""
+    frames = sum(math.ceil(event.get("for_s", 0.0) * rate_hz) + 4 for event in events)
+    kinds = ("blank_frames", "held_attitude_frames", "packets_lost")
+    return "".join(f"{kind}_at_most = {frames}\n" for kind in kinds)
 
 
 def event_text(event):

@@ -13,7 +13,7 @@ from datetime import datetime, timedelta
 from pathlib import Path
 
 from soak_account import commanded_spans, is_within, line_fit
-from soak_bench import CONFIGS, bench_text, fault_schedule
+from soak_bench import CONFIGS, bench_text, fault_schedule, limits_text
 from soak_clients import RecorderReader, Worker
 
 #: Frames and attitudes per second; at 20 Hz a simulated day would take more than an hour of a core, at 2 Hz eight minutes.
@@ -71,7 +71,7 @@ def fly_leg(binary, folder, number, seconds, seed, start):
     bench = folder / "bench.toml"
     bench.write_text(bench_text(seed, seconds, events, rate_hz=RATE_HZ, attitude_hz=ATTITUDE_HZ, jitter=False, gateway=False,
                                 bit_rates=(500e3, 5e6), camera=CONFIGS / "cameras/small_tracker.toml", sinks=SINK,
-                                start_utc=start.strftime("%Y-%m-%dT%H:%M:%SZ")))  # fmt: skip
+                                start_utc=start.strftime("%Y-%m-%dT%H:%M:%SZ"), limits=limits_text(events, RATE_HZ)))  # fmt: skip
     command = [str(binary), "run", str(bench), "--clock", "virtual", "--json", "--out", str(folder / "run")]
     begun = time.monotonic()
     with open(folder / "report.json", "w") as report, open(folder / "log.txt", "w") as log:

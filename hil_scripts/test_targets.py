@@ -366,7 +366,12 @@ class Check(unittest.TestCase):
         with tempfile.TemporaryDirectory() as name:
             root = Path(name)
             (root / "one.json").write_text('[\n{"NORAD_CAT_ID": 90001,\n')
-            (root / "many.tle").write_text(f"{target['line1']}\n{target['line2']}\n" * 2)
+            def renumbered(line):
+                line = line.replace("90001", "90002")[:68]
+                return line + str(sum(int(c) if c.isdigit() else c == "-" for c in line) % 10)
+
+            both = [target["line1"], target["line2"], renumbered(target["line1"]), renumbered(target["line2"])]
+            (root / "many.tle").write_text("\n".join(both) + "\n")
             for case, changes, wanted in [
                 ("flipped", [("66.0000 311", "66.0001 311")], "line 2: wanted checksum 7 in column 69"),
                 ("cut", [('orbit = "tle" ', 'orbit = "omm" '), (lines, 'file = "one.json"')], "line 3, column"),

@@ -353,15 +353,15 @@ class PlantOutside(unittest.TestCase):
         def turned(t_s):
             return [math.cos(rate * t_s / 2), 0.0, -math.sin(rate * t_s / 2), 0.0]
         with tempfile.TemporaryDirectory() as folder:
-            bench, path = Path(folder) / "bench.toml", Path(folder) / "t.txt"
+            bench, out = Path(folder) / "bench.toml", Path(folder) / "run"
             shipped = (ROOT / "configs/benches/lockstep.toml").read_text().replace("../cameras", str(ROOT / "configs/cameras"))
-            bench.write_text(f'{shipped}[[tracker_out]]\nlink = "file"\npath = "{path}"\n{PERFECT}')
-            with Starloop.start(BINARY, bench, settings={"timing.duration_s": 1.0}) as loop:
+            bench.write_text(f'{shipped}[[tracker_out]]\nlink = "file"\npath = "t.txt"\n{PERFECT}')
+            with Starloop.start(BINARY, bench, settings={"timing.duration_s": 1.0}, arguments=["--out", str(out)]) as loop:
                 times = [round(0.01 * k - 0.1, 9) for k in range(130)]
                 loop.attitude([attitude_sample(t_s, turned(t_s), [0.0, rate, 0.0]) for t_s in times])
                 loop.step(until_s=1.0)
                 loop.finish()
-            reports = [json.loads(data) for _, _, data in VirtualClock.lines(path)]
+            reports = [json.loads(data) for _, _, data in VirtualClock.lines(out / "t.txt")]
             self.assertEqual(len(reports), 10)
             first = reports[0]["tai_ns"]
             for number, got in enumerate(reports):

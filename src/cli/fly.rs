@@ -71,7 +71,7 @@ pub fn run(arguments: &FlyArgs) -> Result<u8> {
     let mut flight = Flight::new(&plan, &folder, out)?;
     flight.keeps_images = arguments.keep_images;
     let requirements =
-        sound((&plan, errors), &flight, &folder).with_context(|| arguments.plan.display().to_string())?;
+        sound((&plan, errors), &flight, &folder, &|case| is_wanted(arguments, case)).with_context(|| arguments.plan.display().to_string())?;
     std::fs::create_dir_all(out).with_context(|| out.display().to_string())?;
     let flown = fly_all(&plan, &flight, arguments)?;
     let file = plan_file(&plan, &flight, &flown);
@@ -143,6 +143,11 @@ fn words_of(text: &str) -> Result<Vec<String>> {
     Ok(words)
 }
 
+/// Returns true for a case that is to be flown.
+fn is_wanted(arguments: &FlyArgs, case: &str) -> bool {
+    arguments.case.is_empty() || arguments.case.iter().any(|begin| case.starts_with(begin))
+}
+
 /// Checks cases and requirements before anything flies, and adds the errors of the plan itself; the text of the
 /// requirements.
 ///
@@ -152,8 +157,9 @@ pub(super) fn sound(
     (plan, mut errors): (&Plan, Vec<anyhow::Error>),
     flight: &Flight<'_>,
     folder: &Path,
+    is_wanted: &dyn Fn(&str) -> bool,
 ) -> Result<Option<String>> {
-    errors.extend(flight.check().err());
+    errors.extend(flight.check(is_wanted).err());
     let mut text = None;
     if let Some(name) = &plan.requirements {
         let path = folder.join(name);
@@ -172,10 +178,8 @@ pub(super) fn sound(
 /// Flies every case, several at a time.
 fn fly_all(plan: &Plan, flight: &Flight<'_>, arguments: &FlyArgs) -> Result<Vec<Flown>> {
     let all: Vec<(&PlanCase, (String, Option<f64>))> = plan.each().collect();
-    let is_wanted =
-        |name: &str| arguments.case.is_empty() || arguments.case.iter().any(|begin| name.starts_with(begin));
     // A case has its number whichever others are flown: its frames are the same.
-    let wanted: Vec<_> = (1_u64..).zip(all).filter(|(_, (_, (name, _)))| is_wanted(name)).collect();
+    let wanted: Vec<_> = (1_u64..).zip(all).filter(|(_, (_, (name, _)))| is_wanted(arguments, name)).collect();
     if wanted.is_empty() {
         bail!("--case: no case of the plan begins so; wanted one of its names");
     }
