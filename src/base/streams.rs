@@ -2,7 +2,8 @@
 //!
 //! Output that cannot be written ends the program: silently when its reader has gone (`| head`), with a message on
 //! standard error otherwise. Messages that cannot be written end nothing, since a run must reach its end without them;
-//! [`status_of_streams`] turns them into an exit status at the end.
+//! [`status_of_streams`] turns them into an exit status at the end. Names of files may hold any character: those that
+//! move the cursor, ring the bell or change what is on the screen are escaped. Tests: below.
 
 use core::fmt;
 use std::io::{self, Write};
@@ -36,9 +37,12 @@ impl Stream {
     }
 
     fn write(self, text: fmt::Arguments<'_>) -> io::Result<()> {
+        let mut said = String::new();
+        fmt::write(&mut said, text).map_err(io::Error::other)?;
+        let said = escaped(said);
         match self {
-            Self::Output => io::stdout().lock().write_fmt(text),
-            Self::Error => io::stderr().lock().write_fmt(text),
+            Self::Output => io::stdout().lock().write_all(said.as_bytes()),
+            Self::Error => io::stderr().lock().write_all(said.as_bytes()),
         }
     }
 
@@ -48,6 +52,23 @@ impl Stream {
         let _ = self.failure().set(error); // the first one is kept
         again
     }
+}
+
+/// Returns a text with control characters escaped; ends of lines, tabs, and returns of lines that are written again stay.
+fn escaped(text: String) -> String {
+    let is_plain = |c: char| !c.is_control() || matches!(c, '\n' | '\t' | '\r');
+    if text.chars().all(is_plain) {
+        return text;
+    }
+    let mut plain = String::with_capacity(2 * text.len());
+    for c in text.chars() {
+        if is_plain(c) {
+            plain.push(c);
+        } else {
+            plain.extend(c.escape_default());
+        }
+    }
+    plain
 }
 
 fn copy_of(error: &io::Error) -> io::Error {
@@ -120,4 +141,16 @@ pub fn status_of_streams(status: u8) -> u8 {
         }
     }
     worst
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_that_would_change_a_terminal_are_escaped() {
+        let name = "a\u{1b}[31m\u{7}\u{9b}1m.fits";
+        assert_eq!(escaped(format!("\r{name}:\tgr\u{fc}n\n")), "\ra\\u{1b}[31m\\u{7}\\u{9b}1m.fits:\tgr\u{fc}n\n");
+        assert_eq!(escaped("12 frames, 3 µm ✓\n".into()), "12 frames, 3 µm ✓\n", "control");
+    }
 }

@@ -70,8 +70,8 @@ pub fn run(arguments: &FlyArgs) -> Result<u8> {
     let folder = arguments.plan.parent().map(Path::to_path_buf).unwrap_or_default();
     let mut flight = Flight::new(&plan, &folder, out)?;
     flight.keeps_images = arguments.keep_images;
-    let requirements =
-        sound((&plan, errors), &flight, &folder, &|case| is_wanted(arguments, case)).with_context(|| arguments.plan.display().to_string())?;
+    let requirements = sound((&plan, errors), &flight, &folder, &|case| is_wanted(arguments, case))
+        .with_context(|| arguments.plan.display().to_string())?;
     std::fs::create_dir_all(out).with_context(|| out.display().to_string())?;
     let flown = fly_all(&plan, &flight, arguments)?;
     let file = plan_file(&plan, &flight, &flown);

@@ -119,7 +119,7 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
         end.note_lost_thread("monitor", ended);
     }
     let asked_to_finish = client.as_ref().is_some_and(|client| client.asked_to_finish());
-    let was_interrupted = stop.load(Ordering::SeqCst) && !asked_to_finish;
+    let was_interrupted = stop.load(Ordering::SeqCst) && !asked_to_finish && !end.was_over;
     let is_gone = client.as_ref().is_some_and(Client::is_gone) && !is_real;
     // A run that its client let come to its end has no frames still to come.
     let was_finished = asked_to_finish && end.simulated_s < (end.times.end - end.times.zero).s();

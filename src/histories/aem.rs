@@ -127,9 +127,10 @@ fn method(
             Ok(AttitudeInterpolation::Lagrange(degree))
         }
         ("LAGRANGE", Some(degree)) => Ok(AttitudeInterpolation::Lagrange(degree)),
-        _ => Err(metadata.refuse(
+        _ => Err(metadata.refuse_method(
             entry,
-            "LINEAR, LAGRANGE with a degree, HERMITE of degree 3 with rates or of any degree without them, or no \
+            degree,
+            "LINEAR (of degree 1, or without one), LAGRANGE with a degree, HERMITE of degree 3 with rates or of any degree without them, or no \
              INTERPOLATION_METHOD",
         )),
     }

@@ -53,7 +53,8 @@ struct Reader<'a> {
 
 impl<'a> Reader<'a> {
     fn take(&mut self, line: &'a str, offset: usize) -> Result<(), HistoryError> {
-        let is_comment = line == "COMMENT" || line.strip_prefix("COMMENT").is_some_and(|rest| rest.starts_with(' '));
+        let is_comment =
+            line == "COMMENT" || line.strip_prefix("COMMENT").is_some_and(|rest| rest.starts_with([' ', '\t']));
         if line.is_empty() || is_comment {
             return Ok(());
         }

@@ -56,6 +56,12 @@ impl<'m> Metadata<'m> {
         self.source.refuse(entry.offset, &format!("{} = {}", entry.key, entry.value), wanted)
     }
 
+    /// Returns the error of an interpolation that is not followed, with the degree that the file gives.
+    pub(crate) fn refuse_method(&self, entry: &Entry<'_>, degree: Option<usize>, wanted: &str) -> HistoryError {
+        let degree = degree.map_or_else(|| "without a degree".to_owned(), |degree| format!("of degree {degree}"));
+        self.source.refuse(entry.offset, &format!("{} = {} {degree}", entry.key, entry.value), wanted)
+    }
+
     /// Reads the time system.
     pub(crate) fn time_system(&self) -> Result<TimeSystem, HistoryError> {
         let entry = self.needed("TIME_SYSTEM")?;

@@ -105,6 +105,6 @@ fn method(metadata: &Metadata<'_>) -> Result<OrbitInterpolation, HistoryError> {
         ("LAGRANGE", Some(degree)) => Ok(OrbitInterpolation::Lagrange(degree)),
         ("LINEAR", None | Some(1)) => Ok(OrbitInterpolation::Lagrange(1)),
         _ => Err(metadata
-            .refuse(entry, "LINEAR, LAGRANGE with a degree, HERMITE with an odd degree from 3, or no INTERPOLATION")),
+            .refuse_method(entry, degree, "LINEAR (of degree 1, or without one), LAGRANGE with a degree, HERMITE with an odd degree from 3, or no INTERPOLATION")),
     }
 }

@@ -96,6 +96,9 @@ pub fn is_kernel(path: &Path) -> bool {
 /// With the file, the line, what was got and what was wanted.
 pub fn attitudes(file: &str, text: &str, sense: Option<Sense>) -> Result<AttitudeHistory, HistoryError> {
     let source = Source { file, text };
+    if text.trim_start_matches('\u{feff}').trim_start().starts_with(['{', '[']) {
+        return Err(source.whole("JSON; wanted a CCSDS AEM, an STK .a or a table: JSON is read only of elements (OMM)"));
+    }
     let format = format_of(text);
     if sense.is_some() && format != Format::Table {
         return Err(source.whole("a file that states its own frames; wanted no sense given for it: leave it out"));

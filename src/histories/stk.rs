@@ -69,12 +69,17 @@ impl<'a> Block<'a> {
         let (key, value) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
         let entry = Entry { key, value: value.trim(), offset };
         let is_of_boundaries = starts(entry.value, BOUNDARIES);
+        let is_of_covariances = starts(entry.value, "Covariance");
+        let is_of_rows = starts(entry.value, name) && starts(entry.value.get(name.len()..).unwrap_or_default(), "Time");
         if starts(key, "BEGIN") || starts(key, "END") {
             let wanted = || format!("one block, BEGIN {name}, with no other inside than BEGIN {BOUNDARIES}");
             return match (starts(key, "BEGIN"), place) {
                 (true, Place::Outside) if starts(entry.value, name) => Ok(Place::Inside),
                 (true, Place::Inside) if is_of_boundaries => Ok(Place::Boundaries),
                 (false, Place::Boundaries) if is_of_boundaries => Ok(Place::Inside),
+                (true, Place::Inside) if is_of_covariances => Ok(Place::Covariances),
+                (false, Place::Covariances) if is_of_covariances => Ok(Place::Inside),
+                (false, Place::Inside) if is_of_rows && !self.rows_are.key.is_empty() => Ok(Place::Inside),
                 (false, Place::Inside | Place::Covariances) if starts(entry.value, name) => Ok(Place::Outside),
                 _ => Err(self.source.refuse(offset, line, &wanted())),
             };

@@ -522,3 +522,25 @@ fn a_run_on_the_real_clock_is_watched_and_steered() {
     assert_eq!(last["report"]["frames"], report["frames"], "the client gets the report that is printed");
     assert_eq!(last["exit_status"].as_i64().map(|code| code as i32), output.status.code());
 }
+
+#[test]
+fn a_signal_after_the_last_frame_interrupts_nothing() {
+    for is_after in [true, false] {
+        let folder = tempfile::tempdir().unwrap();
+        let mut steered = Waiting::start_on("real", &["--out", folder.path().to_str().unwrap()]).admitted();
+        while is_after && steered.answered(json!({ "request": "state" }))["finished"] != true {
+            std::thread::sleep(std::time::Duration::from_millis(20));
+        }
+        // The program waits for `finish` now, or has begun a moment ago.
+        let killed = Command::new("kill").args(["-TERM", &steered.child.id().to_string()]).status().unwrap();
+        assert!(killed.success());
+        let output = steered.child.wait_with_output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!is_after || output.status.code() != Some(143), "{said}");
+        assert_eq!(said.contains("stopped by SIGTERM"), !is_after, "{said}");
+        let summary = std::fs::read(folder.path().join("summary.json")).unwrap();
+        let summary: Value = serde_json::from_slice(&summary).unwrap();
+        let reasons = summary["reasons"].to_string();
+        assert_eq!(reasons.contains("stopped before its end"), !is_after, "{reasons}");
+    }
+}

@@ -9,20 +9,24 @@
 //! * [`replace_own_file`]: names that the program chose and writes again, such as `session.json`. A regular file is
 //!   replaced, everything else refused.
 //! * [`write_file_atomically`]: paths that a person typed. A link stays and its target is replaced; a pipe or device
-//!   (`/dev/stdout`) is written directly.
+//!   (`/dev/stdout`) is written directly; a pipe that nobody reads is an error after [`PATIENCE`].
 //!
 //! Limits: this survives a full disk and a killed program; it does not wait for the disk (no fsync), so it does not
 //! protect from loss of power.
 
 use crate::sink::SinkError;
-use base::unfinished::Unfinished;
+use base::{input_file::PATIENCE, unfinished::Unfinished};
+use rustix::{fs::OFlags, io::Errno};
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Write};
-use std::path::Path;
+use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
+use std::{path::Path, time::Duration};
 use tempfile::NamedTempFile;
 
 /// Bytes collected before they go to the system.
 const BUFFER_BYTES: usize = 64 * 1024;
+/// Between two looks whether a pipe has a reader.
+const LOOK: Duration = Duration::from_millis(20);
 
 /// Writes a file at a path that a person named, whole or not at all; returns its size in bytes.
 ///
@@ -77,7 +81,38 @@ pub fn replace_own_file(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::R
 }
 
 fn write_directly(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<u64> {
-    write_through(&mut OpenOptions::new().write(true).open(path)?, write)
+    write_through(&mut open_existing(path, PATIENCE)?, write)
+}
+
+/// Opens a device, or a pipe that gets a reader within `patience`.
+fn open_existing(path: &Path, patience: Duration) -> io::Result<File> {
+    let mut options = OpenOptions::new();
+    options.write(true);
+    if !fs::metadata(path)?.file_type().is_fifo() {
+        return options.open(path);
+    }
+    // Without this flag the system would wait for a reader without limit.
+    options.custom_flags(OFlags::NONBLOCK.bits().cast_signed());
+    let mut waited = Duration::ZERO;
+    loop {
+        match options.open(path) {
+            Ok(pipe) => {
+                // From here on it waits for its reader, who may be slow.
+                rustix::fs::fcntl_setfl(&pipe, OFlags::WRONLY)?;
+                return Ok(pipe);
+            }
+            Err(error) if error.raw_os_error() != Some(Errno::NXIO.raw_os_error()) => return Err(error),
+            Err(_no_reader) if waited < patience => {
+                std::thread::sleep(LOOK);
+                waited += LOOK;
+            }
+            Err(_no_reader) => {
+                let seconds = patience.as_secs();
+                let why = format!("nobody read from this pipe for {seconds} s; wanted a file, or a reader");
+                return Err(io::Error::new(io::ErrorKind::TimedOut, why));
+            }
+        }
+    }
 }
 
 fn write_and_rename(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<u64> {

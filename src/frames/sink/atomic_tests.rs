@@ -123,3 +123,19 @@ fn a_full_device_is_an_error_and_is_not_replaced() {
     assert!(fs::metadata("/dev/full").unwrap().file_type().is_char_device(), "the device is still a device");
     assert!(fs::symlink_metadata(&path).unwrap().is_symlink(), "the link is still a link");
 }
+
+#[test]
+fn a_pipe_is_written_to_its_reader_and_without_one_is_an_error() {
+    let directory = tempfile::tempdir().unwrap();
+    let pipe = directory.path().join("pipe");
+    nix::unistd::mkfifo(&pipe, nix::sys::stat::Mode::S_IRWXU).unwrap();
+    let error = open_existing(&pipe, Duration::ZERO).unwrap_err();
+    assert_eq!(error.kind(), io::ErrorKind::TimedOut);
+    assert!(error.to_string().contains("nobody read from this pipe"), "{error}");
+    let path = pipe.clone();
+    let reader = std::thread::Builder::new().name("reader".into()).spawn(move || fs::read(path)).unwrap();
+    // More than a pipe holds: the writer waits for its reader.
+    let bytes = write_file_atomically(&pipe, |out| out.write_all(&[7; 300_000])).unwrap();
+    assert_eq!((bytes, reader.join().unwrap().unwrap().len()), (300_000, 300_000));
+    assert!(fs::metadata(&pipe).unwrap().file_type().is_fifo(), "the pipe is still a pipe");
+}

@@ -23,7 +23,8 @@
 //! replaced, a running run's file is not, and no run removes the file of another. The lock is one of an open file
 //! description (`F_OFD_SETLK`) on a byte far behind the end of the file, so that a reader's `flock` does not collide
 //! with it. When a ring loses its name during the run (the file was removed or replaced), every frame from then on is
-//! an error ([`SinkError::Vanished`]): readers that have it open still get them, new readers cannot.
+//! an error ([`SinkError::Vanished`]): readers that have it open still get them, new readers cannot. The same holds for
+//! a ring that another program cuts short ([`SinkError::Write`]): what readers find behind the cut is no frame.
 //!
 //! Limits: one size of frame. Unix. Written by `pwrite`, so that no memory is shared by reference with other programs:
 //! no `unsafe`, at the cost of one copy by the kernel. Tests: below, and `hil_scripts/test_recorders.py` from another
@@ -141,6 +142,8 @@ pub struct SharedMemory {
     file: File,
     head: FileHead,
     bytes: u64,
+    /// Another program has cut the file short.
+    is_cut: bool,
     tally: Tally,
 }
 
@@ -169,7 +172,7 @@ impl SharedMemory {
         if !take_lock(&file).map_err(failed)? {
             return Err(SinkError::InUse { path });
         }
-        let made = Self { path: path.clone(), file, head, bytes: 0, tally: Tally::default() };
+        let made = Self { path: path.clone(), file, head, bytes: 0, is_cut: false, tally: Tally::default() };
         made.fill().map_err(failed)?;
         // The call fails if the name exists, so no other file loses its name.
         temporary.persist_noclobber(&path).map_err(|refused| {
@@ -183,7 +186,7 @@ impl SharedMemory {
     fn fill(&self) -> io::Result<()> {
         let empty = [0; FILLED_BYTES];
         let mut at = FILE_HEAD_BYTES;
-        let end = FILE_HEAD_BYTES + u64::from(self.head.slots) * self.head.slot_bytes;
+        let end = self.end();
         while at < end {
             let part = usize::try_from(end - at).unwrap_or(FILLED_BYTES).min(FILLED_BYTES);
             self.file.write_all_at(&empty[..part], at)?;
@@ -192,7 +195,27 @@ impl SharedMemory {
         self.file.write_all_at(bytemuck::bytes_of(&self.head), 0)
     }
 
+    /// Returns the length of the file, bytes.
+    fn end(&self) -> u64 {
+        FILE_HEAD_BYTES + u64::from(self.head.slots) * self.head.slot_bytes
+    }
+
+    /// Refuses a file that another program has cut short, now or earlier: later frames make it long again, with holes.
+    fn check_length(&mut self) -> io::Result<()> {
+        let wanted = self.end();
+        let got = self.file.metadata()?.len();
+        self.is_cut |= got < wanted;
+        if self.is_cut {
+            return Err(io::Error::other(format!(
+                "another program has cut it short while the run wrote to it (got {got} bytes, wanted {wanted} all the \
+                 time): start the run again, and keep other programs from writing to the file"
+            )));
+        }
+        Ok(())
+    }
+
     fn publish(&mut self, frame: &SentFrame) -> io::Result<()> {
+        self.check_length()?;
         let serial = self.head.published + 1;
         let slot = FILE_HEAD_BYTES + (self.head.published % u64::from(self.head.slots)) * self.head.slot_bytes;
         self.file.write_all_at(bytemuck::bytes_of(&SlotHead { serial: 0, ..slot_head(frame) }), slot)?;
@@ -311,6 +334,8 @@ impl Sink for SharedMemory {
 
     fn finish(&mut self) -> Result<SinkSummary, SinkError> {
         self.head.is_over = 1;
+        let is_whole = self.check_length();
+        is_whole.map_err(|source| SinkError::Write { path: self.path.clone(), source })?;
         let reported = self.file.write_all_at(&1_u32.to_ne_bytes(), offset_of!(FileHead, is_over) as u64);
         reported.map_err(|source| SinkError::Write { path: self.path.clone(), source })?;
         let summary = self.tally.finish(self.name());
@@ -410,6 +435,24 @@ mod tests {
         assert!(has_name(&second.file, &path), "another run's");
         drop(second);
         assert!(fs::read_dir(directory.path()).unwrap().next().is_none(), "and nothing is left of either");
+    }
+
+    #[test]
+    fn ring_that_was_cut_short_costs_every_frame_from_then_on() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("frames");
+        let mut sink = SharedMemory::create(path.clone(), [31, 17], 2).unwrap();
+        sink.send(&sample_frame(1)).unwrap();
+        let length = fs::metadata(&path).unwrap().len();
+        let other = OpenOptions::new().write(true).open(&path).unwrap();
+        other.set_len(100).unwrap();
+        let error = sink.send(&sample_frame(2)).unwrap_err().to_string();
+        assert!(error.contains("cut it short"), "{error}");
+        // As long as before, and full of holes.
+        other.set_len(length).unwrap();
+        assert!(sink.send(&sample_frame(3)).is_err());
+        assert!(matches!(sink.finish(), Err(SinkError::Write { .. })), "and the end says so");
+        assert_eq!(sink.tally.finish("shared_memory").refused, 2);
     }
 
     #[test]

@@ -106,11 +106,12 @@ impl Reader<'_> {
             let record = &records[8 * place..][..8];
             let (begin, end) = (starts[place], rest[place]);
             let mut first = self.row(begin, &record[..7])?;
-            // The record's own rate of the clock, s per tick: with 0 the instrument does not turn (CSPICE's `cke02`).
+            // The record's own rate of the clock, s per tick: with 0, or without a turn, the instrument stands still
+            // (CSPICE's `cke02`).
             let turn_s = record[7] * (end - begin);
             let last_at = self.instant(end)?;
             let by_clock_s = s_between(first.t_ns, last_at);
-            let is_still = record[7].abs() <= 0.0;
+            let is_still = record[7].abs() <= 0.0 || first.rate_rad_s.is_none_or(|rate| rate.length_squared() <= 0.0);
             if last_at > first.t_ns && !is_still && !(0.5 * by_clock_s..=2.0 * by_clock_s).contains(&turn_s) {
                 return Err(self.source.whole(format!(
                     "the interval from tick {begin} has {turn_s} s by its own rate of the clock, and {by_clock_s} s by the \
@@ -120,7 +121,8 @@ impl Reader<'_> {
             if last_at <= first.t_ns {
                 return self.segment(vec![first], AttitudeInterpolation::ConstantRate, summary);
             }
-            first.rate_rad_s = first.rate_rad_s.map(|rate| rate * (turn_s / by_clock_s));
+            let part = if is_still { 0.0 } else { turn_s / by_clock_s };
+            first.rate_rad_s = first.rate_rad_s.map(|rate| rate * part);
             let turn = first.rate_rad_s.unwrap_or_default() * by_clock_s;
             let last = AttitudeState { t_ns: last_at, body_from_icrf: first.body_from_icrf.rotated_by(turn), ..first };
             self.segment(vec![first, last], AttitudeInterpolation::ConstantRate, summary)

@@ -201,6 +201,12 @@ fn a_record_of_type_2_turns_by_its_own_rate() {
     // A clock's rate of 0 is one by which nothing turns.
     let still = with(rate_rad_s, 0.0).unwrap().at_ns(at(30.0)).unwrap();
     assert!(still.body_from_icrf.rotation_vector_to(&Rotation::IDENTITY.rotated_by(DVec3::Z * 0.4)).length() < 1e-9);
+    // Voyager's kernels: no turn, and 1 s a tick, whatever the clock says.
+    for s_per_tick in [1.0, 1e-6, f64::INFINITY] {
+        let still = with(0.0, s_per_tick).unwrap().at_ns(at(30.0)).unwrap();
+        let wanted = Rotation::IDENTITY.rotated_by(DVec3::Z * 0.4);
+        assert!(still.body_from_icrf.rotation_vector_to(&wanted).length() < 1e-9, "{s_per_tick}");
+    }
     assert!(with(rate_rad_s, 0.03).unwrap_err().contains("by its own rate of the clock"), "control");
 }
 
@@ -293,6 +299,16 @@ fn one_record_out_of_order_is_searched_as_cspice_does() {
     assert!(notes(plain).is_empty());
     assert!(notes(one)[0].contains("1 records of the clock are out of order"));
     assert!(two.unwrap_err().contains("a.t:5: ticks that do not rise"));
+    let row = |i: i32| {
+        let fall = if [20, 50, 80].contains(&i) { 1.5e4 } else { 0.0 };
+        format!("{} {} 1\n", 1e4 * f64::from(i) - fall, 1000.0 + 100.0 * f64::from(i))
+    };
+    let rows: String = (0..103).map(row).collect();
+    let clock = format!(
+        "\\begindata\nSCLK_DATA_TYPE_7 = 1\nSCLK01_TIME_SYSTEM_7 = 2\nSCLK01_MODULI_7 = ( 1 100 )\nSCLK01_COEFFICIENTS_7 = ( {rows} )\n"
+    );
+    let three = read(&daf("DAF/CK", &[type_3()], true), &[&clock]);
+    assert!(notes(three)[0].contains("3 records of the clock are out of order"));
 }
 
 #[test]

@@ -15,6 +15,14 @@ fn refused_orbit(text: &str, parts: &[&str]) {
 }
 
 #[test]
+fn json_is_named_as_such_and_a_tab_parts_a_comment() {
+    refused_attitude("\u{feff} {\"a\": 1}", &["JSON", "CCSDS AEM"]);
+    let commented = AEM.replacen("META_START", "META_START\nCOMMENT\tturned", 1);
+    assert_ne!(commented, AEM, "control");
+    read::attitudes("x.aem", &commented, None).unwrap();
+}
+
+#[test]
 fn attitude_messages_are_refused_with_line_and_reason() {
     for (from, to, parts) in [
         ("VERS = 2.0", "VERS = 3.0", ["3.0", "1.0 or 2.0"]),
@@ -26,6 +34,11 @@ fn attitude_messages_are_refused_with_line_and_reason() {
         ("ATTITUDE_TYPE = QUATERNION", "ATTITUDE_TYPE = QUATERNION/RATE", [":13:", "QUATERNION/ANGVEL"]),
         ("ATTITUDE_TYPE = QUATERNION", "ATTITUDE_TYPE = EULER_ANGLE", [":5:", "EULER_ROT_SEQ"]),
         ("META_STOP", "INTERPOLATION_METHOD = HERMITE\nMETA_STOP", [":14:", "HERMITE of degree 3"]),
+        (
+            "META_STOP",
+            "INTERPOLATION_METHOD = Linear\nINTERPOLATION_DEGREE = 7\nMETA_STOP",
+            [":14:", "Linear of degree 7"],
+        ),
         ("META_STOP", "INTERPOLATION_METHOD = LAGRANGE\nINTERPOLATION_DEGREE = 99\nMETA_STOP", [":15:", "1 to 27"]),
         ("0.9950041652780258", "0.99", [":16:", "norm is 1"]),
         ("0.9950041652780258", "nan", [":16:", "finite number"]),

@@ -152,6 +152,12 @@ fn segments_of_stk_end_at_their_boundaries_and_covariances_are_left_out() {
     let geodetic = file.replace("EphemerisTimePosVel", "EphemerisLLATimePos");
     assert!(refused(&geodetic, true).contains("no geodetic ones"), "{}", refused(&geodetic, true));
     assert!(refused(&file.replace("SegmentBoundaryTimes", "Other"), true).starts_with("x:7:"));
+    let closed = file.replace(
+        "CovarianceTimePos\n0 1 0 1 0 0 1\n",
+        "END EphemerisTimePosVel\nBEGIN CovarianceTimePos\n0 1 0 1 0 0 1\nEND CovarianceTimePos\n",
+    );
+    assert_ne!(closed, file, "control");
+    assert_eq!(orbit(&closed).rows(), 4);
 }
 
 #[test]

@@ -38,8 +38,7 @@ pub(super) fn fly(
     let Run { scenario, times, mut heads, desk, hygiene, taps, cable, steering, .. } = run;
     let mut cable = cable.ok_or_else(|| anyhow::anyhow!("a run without a cable"))?;
     let clock: Arc<dyn Clock> = Arc::<Monotonic>::clone(clock);
-    let desk = Arc::new(Mutex::new(desk));
-    let over = Arc::new(AtomicBool::new(false));
+    let (desk, over) = (Arc::new(Mutex::new(desk)), Arc::new(AtomicBool::new(false)));
     let (seen, queue) = bounded::<(usize, FrameMeta)>(SEEN_FRAMES * heads.len());
     let recorded = taps.recording.as_ref().and_then(Recording::samples);
     let orders = steering.as_ref().map(|steering| steering.attach(&desk, &clock, times, recorded));
@@ -67,7 +66,7 @@ pub(super) fn fly(
     let (ports, chips) = (core::mem::take(&mut cable.near), core::mem::take(&mut cable.chips));
     let sources = Sources { ports, pulses: cable.pulses.take(), samples, chips };
     let outcome = run_in(&setting, drawn.collect(), sources, &mut seen_and_reported);
-    let now = clock.now().min(times.end);
+    let (now, was_over) = (clock.now().min(times.end), !stop.load(Ordering::SeqCst));
     over.store(true, Ordering::SeqCst);
     if let Some(steering) = &steering {
         steering.detach(times, outcome.record.numbers(None));
@@ -106,6 +105,7 @@ pub(super) fn fly(
         flown,
         simulated_s: (now - times.zero).s().max(0.0),
         promise,
+        was_over,
         cut_short: None,
         error,
     };

@@ -68,6 +68,8 @@ pub struct RunEnd {
     pub simulated_s: f64,
     /// Promise of its bench.
     pub promise: Promise,
+    /// It came to its own end: a signal after that interrupts nothing.
+    pub was_over: bool,
     /// How it ended before its last frame, other than by an error.
     pub cut_short: Option<CutShort>,
     /// Why the run ended early, if it did.

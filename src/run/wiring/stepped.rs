@@ -408,7 +408,7 @@ impl SteppedRun {
             sink_lines.extend(lines_of_head(number, heads, frames::sink::sink_lines(&*head.sink, summary.as_ref())));
             summaries.push(summary);
         }
-        let (now, simulated_s) = (self.now(), self.simulated_s());
+        let (now, simulated_s, was_over) = (self.now(), self.simulated_s(), self.is_finished());
         let flown = {
             let far = self.far.borrow();
             Flown::of(far.vehicle(), far.witness.assessment(), self.params())
@@ -433,6 +433,7 @@ impl SteppedRun {
             flown,
             simulated_s,
             promise: self.promise,
+            was_over,
             cut_short: self.cut_short,
             error,
         };

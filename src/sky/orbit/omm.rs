@@ -109,6 +109,12 @@ impl Message {
                 return Err(self.refuse(key, &words.join(" or ")));
             }
         }
+        for key in ["BTERM", "AGOM"] {
+            let is_zero = |value: &str| value.parse::<f64>().is_ok_and(|number| number.abs() <= 0.0);
+            if self.get(key).is_some_and(|got| !is_zero(&got.value)) {
+                return Err(self.refuse(key, "BSTAR alone: this is a number of SGP4-XP, which is not followed"));
+            }
+        }
         Ok(())
     }
 }
@@ -266,11 +272,13 @@ mod tests {
             (csv().replace(",51.6416", ""), "line 2, column 1: wanted"),
             (xml().replace("</body>", ""), "line"),
             (format!("{}INCLINATION = 12.5\n", kvn()), "line 1: INCLINATION: wanted one value instead of two"),
+            (format!("{}BTERM = 0.01\n", kvn()), "BTERM: wanted BSTAR alone"),
         ] {
             assert!(message(&text).contains(wanted), "{wanted}: {}", message(&text));
         }
         let earth = xml().replace("<INCLINATION>", "<CENTER_NAME>Earth</CENTER_NAME><INCLINATION units=\"deg\">");
         read(&earth, None).expect("control: a right message is read");
+        read(&format!("{}BTERM = 0\n", kvn()), None).expect("control: no drag by another number");
     }
 
     #[test]

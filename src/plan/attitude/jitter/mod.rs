@@ -385,6 +385,9 @@ mod tests {
         assert_eq!((refused, history.counts().duplicate_epoch), (0, 3));
         let broken = JitterPoint { at: us(500), rotation_rad: DVec3::NAN };
         assert_eq!(history.insert(broken, us(500)), Err(HistoryReject::NotFinite));
+        let large = JitterPoint { at: us(500), rotation_rad: DVec3::X * (1.001 * MOST_JITTER_RAD) };
+        assert_eq!(history.insert(large, us(500)), Err(HistoryReject::TooFast));
+        assert_eq!(history.counts().too_fast, 1);
         assert_eq!(history.counts().out_of_order, 10, "the early burst");
     }
 

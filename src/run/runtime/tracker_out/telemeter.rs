@@ -19,7 +19,8 @@ use telemetry::{Device, Mode, Order, Report, Wire};
 const WAITING_MAX: usize = 1024;
 /// Packets of clients that are taken in one step: the others wait for the next.
 const COMMANDS_PER_STEP: usize = 64;
-/// Answers to one datagram: as many as the longest dialogue of a protocol has. A datagram of many bad lines gets no more.
+/// Answers to one datagram with a command that was obeyed: as many as the longest dialogue of a protocol has. Any other
+/// datagram gets one: its sender has proven nothing, and its address may be forged.
 const ANSWERS_PER_DATAGRAM: usize = 4;
 /// Answers to datagrams in a second; more commands are obeyed without one, and counted as refused.
 const ANSWERS_PER_S: u32 = 500;
@@ -73,8 +74,9 @@ struct Answers {
 }
 
 impl Answers {
-    /// Returns how many of so many answers may go out at `now`, and counts them.
-    fn allow(&mut self, wanted: usize, now: Tai) -> usize {
+    /// Returns how many of so many answers to a datagram may go out at `now`, and counts them.
+    fn allow(&mut self, wanted: usize, has_obeyed: bool, now: Tai) -> usize {
+        let wanted = wanted.min(if has_obeyed { ANSWERS_PER_DATAGRAM } else { 1 });
         let (since, sent) = self.second.filter(|(since, _)| now - *since < Span::from_ms(1000)).unwrap_or((now, 0));
         let allowed = u32::try_from(wanted).unwrap_or(u32::MAX).min(ANSWERS_PER_S.saturating_sub(sent));
         self.second = Some((since, sent + allowed));
@@ -266,11 +268,12 @@ impl Telemeter {
             let Some((wire, from)) = self.outlet.receive() else { return };
             let obeyed = self.device.answered().commands;
             self.device.take(&wire, now, &mut self.out, &mut self.orders);
-            if self.device.answered().commands > obeyed {
+            let has_obeyed = self.device.answered().commands > obeyed;
+            if has_obeyed {
                 self.outlet.keep_client();
             }
             if from.is_some() {
-                let allowed = self.answers.allow(self.out.len().min(ANSWERS_PER_DATAGRAM), now);
+                let allowed = self.answers.allow(self.out.len(), has_obeyed, now);
                 self.unanswered += self.out.len().saturating_sub(allowed) as u64;
                 self.out.truncate(allowed);
             }
@@ -319,10 +322,17 @@ mod tests {
     #[test]
     fn answers_are_bounded_by_the_second() {
         let (mut answers, start) = (Answers::default(), Tai::from_ns(0));
-        let sent = |answers: &mut Answers, now| (0..1000).map(|_| answers.allow(3, now)).sum::<usize>();
+        let sent = |answers: &mut Answers, now| (0..1000).map(|_| answers.allow(3, true, now)).sum::<usize>();
         assert_eq!(sent(&mut answers, start), ANSWERS_PER_S as usize);
         assert_eq!(sent(&mut answers, start + Span::from_ms(999)), 0);
         assert_eq!(sent(&mut answers, start + Span::from_ms(1000)), ANSWERS_PER_S as usize);
-        assert_eq!(Answers::default().allow(3, start), 3, "control");
+        assert_eq!(Answers::default().allow(3, true, start), 3, "control");
+    }
+
+    #[test]
+    fn a_datagram_in_which_nothing_is_obeyed_gets_one_answer() {
+        let allowed = |wanted, has_obeyed| Answers::default().allow(wanted, has_obeyed, Tai::from_ns(0));
+        assert_eq!((allowed(1000, false), allowed(1, false), allowed(0, false)), (1, 1, 0));
+        assert_eq!((allowed(1000, true), allowed(3, true)), (ANSWERS_PER_DATAGRAM, 3), "control");
     }
 }

@@ -234,6 +234,19 @@ fn damage_is_refused_with_its_line_and_a_cut_row_is_left_out() {
 }
 
 #[test]
+fn row_of_a_head_that_the_bench_has_not_is_refused_for_every_head() {
+    let row = |frame: u32, head: usize| format!("{frame},{head},12,3ff0000000000000,full,sent,0a0b0c0d,\n");
+    let text = [format!("{HEADER}\n"), row(0, 2), row(1, 3)].concat();
+    for head in 0..3 {
+        let reader = RowReader::new(text.as_bytes(), Path::new("frames.csv")).unwrap();
+        let mut rows = RowsOfHead::new(reader, head, 3);
+        let error = (0..3).find_map(|_| rows.read().err()).unwrap().to_string();
+        assert!(error.contains("frames.csv:3: wanted a head of the bench"), "{head}: {error}");
+    }
+    assert_eq!(read_head(&[format!("{HEADER}\n"), row(0, 2)].concat(), 2).len(), 1, "control");
+}
+
+#[test]
 fn table_of_the_first_form_has_one_head_and_one_link() {
     let table = format!("{HEADER_OF_ONE}\n7,12,3ff0000000000000,full,sent,0a0b0c0d\n8,,,full,held,0a0b0c0d\n");
     let rows = read(&table).unwrap().0;
