@@ -17,8 +17,8 @@ fn refused_orbit(text: &str, parts: &[&str]) {
 #[test]
 fn json_is_named_as_such_and_a_tab_parts_a_comment() {
     refused_attitude("\u{feff} {\"a\": 1}", &["JSON", "CCSDS AEM"]);
-    let commented = AEM.replacen("META_START", "META_START\nCOMMENT\tturned", 1);
-    assert_ne!(commented, AEM, "control");
+    let commented = AEM_2.replacen("META_START", "META_START\nCOMMENT\tturned", 1);
+    assert_ne!(commented, AEM_2, "control");
     read::attitudes("x.aem", &commented, None).unwrap();
 }
 
