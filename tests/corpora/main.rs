@@ -64,8 +64,11 @@ mod tracker_commands;
 #[path = "../fuzz/targets/tracker_telemetry.rs"]
 mod tracker_telemetry;
 
+/// A target: it is given bytes, and panics where the program is wrong.
+type Target = fn(&[u8]);
+
 /// Name and function of each target.
-const TARGETS: [(&str, fn(&[u8])); 16] = [
+const TARGETS: [(&str, Target); 16] = [
     ("can_decode", can_decode::run),
     ("captures", captures::run),
     ("elements", elements::run),

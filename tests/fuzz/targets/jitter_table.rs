@@ -14,7 +14,7 @@ const MOST_RAD: f64 = 0.175;
 
 fuzz_target!(|bytes: &[u8]| {
     let mut input = Input::new(bytes);
-    let is_series = input.u8() % 2 == 0;
+    let is_series = input.u8().is_multiple_of(2);
     let text = String::from_utf8_lossy(input.rest()).into_owned();
     let memory = allocation_counter::measure(|| if is_series { series(&text) } else { density(&text) });
     let most = MEMORY_PER_BYTE * text.len() as u64 + MEMORY_BESIDE;

@@ -71,9 +71,9 @@ fn value(input: &mut Input<'_>) -> f32 {
         -6.283_185_5,
         -6.283_186,
         1000.0,
-        1000.000_1,
+        1_000.000_1,
         3600.0,
-        3600.000_3,
+        3_600.000_3,
         -3600.0,
         10_000.0,
         10_000.001,
@@ -232,7 +232,7 @@ impl Model {
             Reply::CameraSet(_) | Reply::CameraTriggered(_) => Some(Did::Camera),
             _ if self.is_running && !was_running => Some(Did::Run),
             _ if was_running && !self.is_running => Some(Did::Stop),
-            _ => None,
+            Reply::Hello(_) | Reply::Info(_) | Reply::Run | Reply::Stop | Reply::Refused { .. } => None,
         };
         let response = Response { token: command.token, reply };
         self.last = Some((*command, response));
