@@ -33,7 +33,6 @@ pub mod table;
 pub mod time_tally;
 pub mod timeline;
 pub mod verdict;
-pub mod xml;
 
 pub use account::{FrameAccount, FrameEnd, Tally};
 pub use budget::{BudgetLimits, BudgetLine, BudgetReport, HygieneLine, LineVerdict, budget_lines};

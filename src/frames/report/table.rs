@@ -217,7 +217,8 @@ fn push_gateways(lines: &mut Vec<String>, s: &RunSummary) {
     }
 }
 
-fn joined(counts: &BTreeMap<String, u64>) -> String {
+/// Returns counts by name in words.
+pub(super) fn joined(counts: &BTreeMap<String, u64>) -> String {
     let parts: Vec<String> = counts.iter().map(|(name, n)| format!("{name} {n}")).collect();
     if parts.is_empty() { "none".into() } else { parts.join(", ") }
 }
