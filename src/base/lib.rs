@@ -1,6 +1,6 @@
 //! Types and functions for every crate: axes and rotations, time, clocks, images, colours of pixels, counter-based
 //! random numbers, the accuracy budget, sources on the sky, standard output and standard error, files that are read
-//! as a whole, names of unfinished files, queues to writing threads and the limit of waiting for them, text for XML, and
+//! as a whole, names of unfinished files, locks of files, queues to writing threads and the limit of waiting for them, text for XML, and
 //! what several crates compute: medians, zeros, least squares.
 
 pub mod accuracy;
@@ -9,6 +9,7 @@ pub mod base64;
 pub mod bayer;
 pub mod bisection;
 pub mod clock;
+pub mod file_lock;
 pub mod fused;
 pub mod image;
 pub mod input_file;
