@@ -1,6 +1,6 @@
 //! Zeros by halving an interval.
 
-/// Halves an interval so many times; returns its ends, the first of which is before the change and the second after it.
+/// Halves an interval so many times; returns its ends: the first lies before the change, the second after it.
 ///
 /// `is_before` holds at the first end and not at the second; the ends may be in either order.
 pub fn halved(between: [f64; 2], halvings: u32, is_before: impl Fn(f64) -> bool) -> [f64; 2] {

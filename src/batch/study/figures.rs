@@ -4,21 +4,13 @@ use super::point::{
     ACTUATION_DELAY, Agreement, JITTER, PHASE_MARGIN, POINTING_ERROR, REJECTION, StudyPoint, TRACKER_DELAY,
 };
 use super::{Study, StudyError};
+use crate::chart::{File, rows::csv_text};
 use base::units::DEG;
 use core::f64::consts::TAU;
 use frames::report::plot::{Axis, Chart, Series, Style, to_svg};
 
 /// Number of points of a theoretical curve.
 const CURVE_POINTS: u32 = 200;
-
-/// A file of a study.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct File {
-    /// Its name.
-    pub name: String,
-    /// Its content.
-    pub text: String,
-}
 
 /// Returns the table and every chart.
 ///
@@ -32,15 +24,6 @@ pub(super) fn files(study: &Study, points: &[StudyPoint]) -> Result<Vec<File>, S
         svg("jitter_rejection", rejection(study, points)),
         svg("pointing_error", pointing_error(points)),
     ])
-}
-
-fn csv_text(points: &[StudyPoint]) -> Result<String, csv::Error> {
-    let mut writer = csv::Writer::from_writer(Vec::new());
-    for point in points {
-        writer.serialize(point)?;
-    }
-    let bytes = writer.into_inner().map_err(|error| csv::Error::from(error.into_error()))?;
-    Ok(String::from_utf8_lossy(&bytes).into_owned())
 }
 
 fn of<'a>(points: &'a [StudyPoint], kind: &'a str, varied: &'a str) -> impl Iterator<Item = &'a StudyPoint> {

@@ -2,16 +2,14 @@
 
 use crate::kernel_stamp::nonzero_ns;
 use crate::readiness::{Readiness, wait_for};
-use crate::{DATAGRAM_MAX, Datagram};
+use crate::{DATAGRAM_MAX, Datagram, receive_buffer};
 use base::time::Span;
-use nix::sys::socket::sockopt::{RcvBuf, RcvBufForce, ReceiveTimestampns, RxqOvfl};
+use nix::sys::socket::sockopt::{ReceiveTimestampns, RxqOvfl};
 use nix::sys::socket::{ControlMessageOwned, MsgFlags, SockaddrStorage, recvmsg, setsockopt};
 use std::io::{self, IoSliceMut};
 use std::net::{SocketAddr, SocketAddrV4, SocketAddrV6, UdpSocket};
 use std::os::fd::{AsFd, AsRawFd};
 
-/// Receive buffer asked for: seconds of any sender that a bench has.
-const RECEIVE_BUFFER_BYTES: usize = 4 << 20;
 /// Bytes for the requested control messages: one stamp and the count of drops.
 const CONTROL_BYTES: usize = 128;
 
@@ -39,9 +37,7 @@ impl Socket {
         inner.set_nonblocking(true)?;
         setsockopt(&inner, ReceiveTimestampns, &true)?;
         setsockopt(&inner, RxqOvfl, &1)?;
-        // Beyond the system's limit where the rights suffice, else up to it.
-        setsockopt(&inner, RcvBufForce, &RECEIVE_BUFFER_BYTES)
-            .or_else(|_| setsockopt(&inner, RcvBuf, &RECEIVE_BUFFER_BYTES))?;
+        receive_buffer::enlarge(&inner)?;
         Ok(Self { inner, control: Box::new([0; CONTROL_BYTES]), drops: 0 })
     }
 
