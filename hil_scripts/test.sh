@@ -118,7 +118,7 @@ has_vulkan() {
 # --- the steps -------------------------------------------------------------------------------------------------------
 
 # Packages outside the workspace.
-readonly outside=(firmware_protocol/staticlib/Cargo.toml tests/fuzz/Cargo.toml)
+readonly outside=(tests/fuzz/Cargo.toml)
 
 format() {
     local manifest

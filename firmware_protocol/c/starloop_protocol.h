@@ -1,8 +1,8 @@
 /* Messages between flight firmware and the starloop star-sensor stimulator, protocol 1.4, in C99.
  *
  * No allocation, no global state, no library beyond <stdint.h>, <stddef.h> and <string.h>. INTERFACE.md gives every
- * byte. This header has two implementations: starloop_protocol.c, and the Rust crate as a static library
- * (staticlib/). Tests compare both with vectors.json and with each other.
+ * byte. Compile starloop_protocol.c into your program; there is nothing else to build or link. Tests compare it with
+ * vectors.json and with the Rust crate.
  *
  * Conventions: little-endian on the wire whatever the processor; quaternion body_from_icrf, Hamilton, scalar first,
  * passive (v_body = q v_icrf conj(q)); rates in body axes; time tags are spacecraft elapsed time in microseconds,

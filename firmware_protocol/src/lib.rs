@@ -15,8 +15,8 @@
 //!   [`message::TimeFollowUp`] carries the whole SCET.
 //!
 //! Bad input never panics: each refusal is one [`Reject`], to be counted in [`RejectCounters`]. For other languages:
-//! `INTERFACE.md` (byte tables), `dbc/`, `c/` (C99), `staticlib/` (this crate behind the C header), `vectors.json`
-//! (bytes of every message). `tests/frozen_*.rs` hold the exact bytes, `tests/properties` the round trips, damage and
+//! `INTERFACE.md` (byte tables), `dbc/`, `c/` (C99), `vectors.json` (bytes of every message).
+//! `tests/frozen_*.rs` hold the exact bytes, `tests/properties` the round trips, damage and
 //! arbitrary input.
 
 #![no_std]

@@ -150,12 +150,20 @@ impl Stopwatch {
     }
 
     /// Returns the wall time since the start (or the last lap), and starts the next lap.
-    #[allow(clippy::disallowed_methods, reason = "the one place that reads the machine's clocks")]
     pub fn lap(&mut self) -> Span {
-        let now = Instant::now();
-        let ns = i64::try_from((now - self.from).as_nanos()).unwrap_or(i64::MAX);
-        self.from = now;
-        Span::from_ns(ns)
+        let now = Self::start();
+        let taken = now.since(self);
+        *self = now;
+        taken
+    }
+
+    /// Returns the wall time since the start (or the last lap), which goes on.
+    pub fn elapsed(&self) -> Span {
+        Self::start().since(self)
+    }
+
+    fn since(&self, earlier: &Self) -> Span {
+        Span::from_ns(i64::try_from((self.from - earlier.from).as_nanos()).unwrap_or(i64::MAX))
     }
 }
 

@@ -1,11 +1,15 @@
 //! Types and functions for every crate: axes and rotations, time, clocks, images, colours of pixels, counter-based
 //! random numbers, the accuracy budget, sources on the sky, standard output and standard error, files that are read
-//! as a whole, names of unfinished files, queues to writing threads and the limit of waiting for them.
+//! as a whole, names of unfinished files, locks of files, queues to writing threads and the limit of waiting for them, text for XML, and
+//! what several crates compute: medians, zeros, least squares.
 
 pub mod accuracy;
 pub mod axes;
+pub mod base64;
 pub mod bayer;
+pub mod bisection;
 pub mod clock;
+pub mod file_lock;
 pub mod fused;
 pub mod image;
 pub mod input_file;
@@ -22,3 +26,4 @@ pub mod time;
 pub mod unfinished;
 pub mod units;
 pub mod writer_queue;
+pub mod xml;

@@ -3,7 +3,7 @@
 //! `starloop calibrate` alone means `starloop calibrate costs`; `starloop calibrate display` is a file of its own.
 
 use crate::cli::calibrate_display::{self, DisplayArgs};
-use crate::cli::{report_json::print_json, run_args::BackendName};
+use crate::cli::{progress::ProgressLine, report_json::print_json, run_args::BackendName};
 use anyhow::{Context, Result};
 use base::clock::{Clock, Monotonic, Stopwatch};
 use clap::{Args, Subcommand};
@@ -12,7 +12,6 @@ use plan::exposure::cost::CostModel;
 use run::runtime::calibrate::{Calibration, Effort, calibrate};
 use run::runtime::cost_cache::{self, CachedCost, CostOwner};
 use run::{runtime::Imager, wiring::bench_parts::backend_choice};
-use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
 
 /// Command line of `calibrate`.
@@ -63,8 +62,11 @@ pub fn run(arguments: &CalibrateArgs) -> Result<()> {
 
 fn costs(arguments: &CostArgs) -> Result<()> {
     let choice = backend_choice(arguments.backend.configured());
-    let mut watch = Stopwatch::start();
-    let found = calibrate(choice, &Effort::of(choice, arguments.quick), &mut print_progress)?;
+    let (watch, line) = (Stopwatch::start(), ProgressLine::new());
+    let found = calibrate(choice, &Effort::of(choice, arguments.quick), &mut |scene, number, of| {
+        line.show(&format!("measuring {number:>2} of {of}: {scene}"));
+    })?;
+    line.clear();
     let owner = CostOwner::here(found.backend, &found.adapter);
     if !arguments.json {
         print!("{}", table(&found, &owner));
@@ -81,7 +83,7 @@ fn costs(arguments: &CostArgs) -> Result<()> {
     };
     let cached = CachedCost { measured_utc: Monotonic::start().now().to_rfc3339(), owner, cost: found.cost };
     cost_cache::write(&path, &cached)?;
-    let measured_s = watch.lap().s();
+    let measured_s = watch.elapsed().s();
     if arguments.json {
         return print_json(
             "calibrate",
@@ -93,15 +95,6 @@ fn costs(arguments: &CostArgs) -> Result<()> {
     }
     println!("measured in {measured_s:.1} s, written to {}", path.display());
     Ok(())
-}
-
-fn print_progress(scene: &str, number: usize, of: usize) {
-    let mut out = std::io::stderr().lock();
-    if out.is_terminal() {
-        let end = if number == of { "\n" } else { "" };
-        let _a_closed_terminal_is_no_error = write!(out, "\rmeasuring {number:>2} of {of}: {scene:<24}{end}");
-        let _ = out.flush();
-    }
 }
 
 /// Constants and scenes, for people.

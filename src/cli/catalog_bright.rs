@@ -1,7 +1,7 @@
 //! `--bright` of `starloop catalog import`: Hipparcos and Tycho-2 files, the last input of an import.
 
 use crate::cli::catalog_file::{mark, name_of};
-use crate::cli::catalog_progress::ProgressLine;
+use crate::cli::progress::ProgressLine;
 use anyhow::ensure;
 use imports::published::{add_bright, bright::BrightStars};
 use stars::layer::Sorting;

@@ -6,7 +6,7 @@
 use crate::cli::with_hats as hats;
 #[cfg(not(feature = "hats"))]
 use crate::cli::without_hats as hats;
-use crate::cli::{catalog_file::name_of, catalog_progress::ProgressLine};
+use crate::cli::{catalog_file::name_of, progress::ProgressLine};
 use anyhow::{Context, bail, ensure};
 use clap::Args;
 use imports::hats_folder::is_hats;

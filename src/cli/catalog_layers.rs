@@ -2,7 +2,7 @@
 
 use crate::cli::catalog_bright::{self, BrightInput};
 use crate::cli::catalog_hats::{Input, inputs};
-use crate::cli::{catalog_file::mark, catalog_progress::ProgressLine, folder, report_json::json_line};
+use crate::cli::{catalog_file::mark, folder, progress::ProgressLine, report_json::json_line};
 use anyhow::{Context, bail, ensure};
 use clap::Args;
 use imports::published::gaia::{EPOCH_YR, Names};

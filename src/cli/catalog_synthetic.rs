@@ -2,7 +2,7 @@
 
 use crate::cli::catalog_layers::{print_layer, refuse_layers_that_are_there};
 use crate::cli::degrees::{declination_deg, right_ascension_deg};
-use crate::cli::{catalog_progress::ProgressLine, folder};
+use crate::cli::{folder, progress::ProgressLine};
 use anyhow::ensure;
 use base::{source::direction_from_ra_dec, units::DEG};
 use clap::Args;

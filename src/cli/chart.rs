@@ -1,12 +1,11 @@
 //! `starloop chart`: accuracy against speed, measured on this machine -> CSV tables and SVG charts in a folder.
 
-use crate::cli::{folder, report_json::print_json};
+use crate::cli::{folder, progress::ProgressLine, report_json::print_json};
 use anyhow::Result;
 use base::clock::Stopwatch;
-use batch::chart::{self, Backends, Settings, Step};
+use batch::chart::{self, Backends, Settings};
 use clap::{Args, ValueEnum};
 use frames::{report::step_line, sink::write_file_atomically};
-use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
 
 /// Width of the progress line.
@@ -63,9 +62,14 @@ pub fn run(arguments: &ChartArgs) -> Result<()> {
     // A folder that cannot be made is reported before minutes of measuring.
     folder::make("--out", &arguments.out)?;
     let settings = Settings { quick: arguments.quick, backends, seed: arguments.seed };
-    let mut teller = Teller::new();
-    let charted = chart::run(&settings, &mut |step| teller.announce(step))?;
-    teller.end();
+    let (watch, line, mut reported) = (Stopwatch::start(), ProgressLine::new(), 0);
+    let charted = chart::run(&settings, &mut |step| {
+        let text = step_line(step.done, step.total, watch.elapsed().s(), &step.next, LINE_WIDTH);
+        let is_due = step.done == 0 || REPORTED * step.done >= (reported + 1) * step.total;
+        reported = if is_due { REPORTED * step.done / step.total.max(1) } else { reported };
+        line.show_or_print(&text, is_due);
+    })?;
+    line.clear();
     for file in &charted.files {
         write_file_atomically(&arguments.out.join(&file.name), |out| out.write_all(file.text.as_bytes()))?;
     }
@@ -79,37 +83,4 @@ pub fn run(arguments: &ChartArgs) -> Result<()> {
     print!("{}", charted.summary);
     println!("{} files in {}", charted.files.len(), arguments.out.display());
     Ok(())
-}
-
-/// The line of progress: over and over on a terminal, else a line now and then.
-struct Teller {
-    is_terminal: bool,
-    watch: Stopwatch,
-    elapsed_s: f64,
-    reported: usize,
-}
-
-impl Teller {
-    fn new() -> Self {
-        let is_terminal = std::io::stderr().is_terminal();
-        Self { is_terminal, watch: Stopwatch::start(), elapsed_s: 0.0, reported: 0 }
-    }
-
-    fn announce(&mut self, step: &Step) {
-        self.elapsed_s += self.watch.lap().s();
-        let line = step_line(step.done, step.total, self.elapsed_s, &step.next, LINE_WIDTH);
-        if self.is_terminal {
-            eprint!("\r{line:<LINE_WIDTH$}");
-            let _closed = std::io::stderr().flush();
-        } else if step.done == 0 || REPORTED * step.done >= (self.reported + 1) * step.total {
-            self.reported = REPORTED * step.done / step.total.max(1);
-            eprintln!("{line}");
-        }
-    }
-
-    fn end(&mut self) {
-        if self.is_terminal {
-            eprint!("\r{:<LINE_WIDTH$}\r", "");
-        }
-    }
 }

@@ -1,7 +1,7 @@
 //! `starloop dataset`: a data set of drawn images with labels, from a description.
 
-use crate::cli::report_json::print_json;
 use crate::cli::{EXIT_DONE, EXIT_LOST, signals, version};
+use crate::cli::{progress::ProgressLine, report_json::print_json};
 use anyhow::{Context, Result, bail};
 use base::clock::Stopwatch;
 use clap::Args;
@@ -10,7 +10,6 @@ use data_sets::spec::ImageForm;
 use data_sets::{Order, Progress, Spec, Studio, Summary, make};
 use run::wiring::memory::RunMemory;
 use serde::Serialize;
-use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
 /// Time between two lines of progress where standard error is not a terminal, s.
@@ -89,17 +88,32 @@ pub fn run(arguments: &DataSetArgs) -> Result<u8> {
     check_memory(&spec, workers)?;
     let program = version::SHORT;
     let order = Order { spec: &spec, count, folder, shards: arguments.shards.clone(), workers, program };
-    let (stop, mut wall) = (signals::stop(), Stopwatch::start());
-    let mut line = ProgressLine::new(arguments.quiet);
-    let summary = make(&order, &stop, |progress| line.show(progress))?;
-    line.end();
-    let wall_s = wall.lap().s();
+    let (stop, wall) = (signals::stop(), Stopwatch::start());
+    let (line, mut printed_s) = (ProgressLine::new(), 0.0);
+    let summary = make(&order, &stop, |progress| {
+        let elapsed_s = wall.elapsed().s();
+        if !arguments.quiet && progress.drawn > 0 {
+            let is_due = elapsed_s - printed_s >= LINE_EVERY_S;
+            line.show_or_print(&progress_text(progress, elapsed_s), is_due);
+            printed_s = if is_due { elapsed_s } else { printed_s };
+        }
+    })?;
+    line.clear();
+    let wall_s = wall.elapsed().s();
     report(&made(folder, &summary, workers, wall_s), arguments.json)?;
     if stop.load(Ordering::SeqCst) && summary.is_stopped {
         eprintln!("starloop: stopped by {}; the same command goes on with it", signals::cause());
         return Ok(signals::exit_status());
     }
     Ok(EXIT_DONE)
+}
+
+/// Returns how far it is, and for how long it goes on.
+fn progress_text(Progress { drawn, wanted }: Progress, elapsed_s: f64) -> String {
+    let per_s = f64::from(drawn) / elapsed_s.max(1e-9);
+    let left_s = f64::from(wanted - drawn) / per_s;
+    let share = 100.0 * f64::from(drawn) / f64::from(wanted.max(1));
+    format!("{drawn} of {wanted} items ({share:.0} %), {per_s:.1} items/s, {left_s:.0} s left")
 }
 
 /// Refuses workers whose cameras do not fit into memory together.
@@ -151,44 +165,6 @@ fn verify(folder: &Path) -> Result<u8> {
         damaged.len()
     );
     Ok(EXIT_LOST)
-}
-
-/// Prints how far it is: a line that is written over on a terminal, else a line now and then.
-struct ProgressLine {
-    is_quiet: bool,
-    is_terminal: bool,
-    watch: Stopwatch,
-    elapsed_s: f64,
-    printed_s: f64,
-}
-
-impl ProgressLine {
-    fn new(is_quiet: bool) -> Self {
-        let is_terminal = std::io::stderr().is_terminal();
-        Self { is_quiet, is_terminal, watch: Stopwatch::start(), elapsed_s: 0.0, printed_s: 0.0 }
-    }
-
-    fn show(&mut self, Progress { drawn, wanted }: Progress) {
-        self.elapsed_s += self.watch.lap().s();
-        let is_due = self.is_terminal || self.elapsed_s - self.printed_s >= LINE_EVERY_S;
-        if self.is_quiet || !is_due || drawn == 0 {
-            return;
-        }
-        self.printed_s = self.elapsed_s;
-        let per_s = f64::from(drawn) / self.elapsed_s.max(1e-9);
-        let left_s = f64::from(wanted - drawn) / per_s;
-        let share = 100.0 * f64::from(drawn) / f64::from(wanted.max(1));
-        let text = format!("{drawn} of {wanted} items ({share:.0} %), {per_s:.1} items/s, {left_s:.0} s left");
-        let (begin, end) = if self.is_terminal { ("\r", "   ") } else { ("", "\n") };
-        eprint!("{begin}{text}{end}");
-        let _ = std::io::stderr().flush(); // progress only
-    }
-
-    fn end(&self) {
-        if self.is_terminal && !self.is_quiet {
-            eprintln!();
-        }
-    }
 }
 
 #[cfg(test)]

@@ -29,7 +29,7 @@ fn beside(path: &Path) -> PathBuf {
 fn curve(name: &str, style: Style, group: usize, to: f64, of: &dyn Fn(f64) -> f64) -> Series {
     let at = |i: u32| to * f64::from(i) / f64::from(POINTS);
     let points = (0..=POINTS).map(|i| [at(i), of(at(i))]).collect();
-    Series { name: name.into(), style, group, points, marked: Vec::new() }
+    Series::new(name, style, group, points)
 }
 
 fn chain_chart(star: &Star) -> Option<Chart> {
@@ -78,13 +78,7 @@ fn star_chart(star: &Star) -> Chart {
             curve("pixel's share over the largest, along rows", Style::Line, 0, FURTHEST_PX, &|r| {
                 psf.pixel(r, 0.0) / peak
             }),
-            Series {
-                name: "encircled energy".into(),
-                style: Style::Line,
-                group: 1,
-                points: energy,
-                marked: Vec::new(),
-            },
+            Series::new("encircled energy", Style::Line, 1, energy),
             curve("90 %", Style::DashedLine, 2, FURTHEST_PX, &|_| 0.9),
         ],
         ring: String::new(),

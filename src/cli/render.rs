@@ -11,6 +11,7 @@ use crate::cli::{
 };
 use anyhow::{Context, Result, bail};
 use base::axes::{Icrf, Rotation, Sensor, WRITTEN_NORM_TOLERANCE, sensor_from_ra_dec_roll};
+use base::least_squares::median;
 use base::time::{Span, Tai};
 use batch::still::{DEFAULT_TIME, MOST_DEG_PER_S, Still, StillParams, still_fault};
 use clap::{Args, ValueEnum};
@@ -323,13 +324,9 @@ impl Scene {
             total_s += times.iter().sum::<f64>() * 1e-3;
             repeats.push(times);
         }
-        let median = |mut values: Vec<f64>| {
-            values.sort_by(f64::total_cmp);
-            values[values.len() / 2]
-        };
-        let [sky, plan, render, detector] =
-            core::array::from_fn(|i| median(repeats.iter().map(|times| times[i]).collect()));
-        let total = median(repeats.iter().map(|times| times.iter().sum()).collect());
+        let median_of = |part: &dyn Fn(&[f64; 4]) -> f64| median(&mut repeats.iter().map(part).collect::<Vec<_>>());
+        let [sky, plan, render, detector] = core::array::from_fn(|i| median_of(&|times| times[i]));
+        let total = median_of(&|times| times.iter().sum());
         let (imager, latest) = (self.still.imager(), self.still.plan());
         Ok(serde_json::json!({
             "backend": imager.name(),

@@ -83,10 +83,9 @@ pub(super) fn control_stepped(
         return Ok(Controlled { end: going.end(None), client: None });
     };
     let refusals = session.refusals().clone();
-    let (mut watch, mut wall_s) = (Stopwatch::start(), 0.0);
+    let watch = Stopwatch::start();
     let mut report = |view: &LoopView<'_>| {
-        wall_s += watch.lap().s();
-        let report = ScenarioReport::of(&scenario, view, wall_s).with_control(Some(&refusals));
+        let report = ScenarioReport::of(&scenario, view, watch.elapsed().s()).with_control(Some(&refusals));
         serde_json::to_value(report).unwrap_or_default()
     };
     let served =

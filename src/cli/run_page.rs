@@ -10,7 +10,6 @@ use crate::cli::{provenance, run_events};
 use base::input_file::{DATA_BYTES, read_bytes, read_text};
 use frames::report::{BudgetLine, FrameEnd, budget_lines};
 use performance::provenance::Provenance;
-use run::wiring::control::base64;
 
 /// Name of the file in the folder of a run.
 pub(super) const FILE: &str = "report.html";
@@ -227,7 +226,7 @@ fn write_samples(page: &mut Page, samples: Option<&[Sample]>) {
             degrees(row.roll_deg),
             row.stars.map_or_else(|| "-".into(), |stars| stars.to_string()),
         );
-        page.image(&base64::encode(png), [*width, *height], &caption);
+        page.image(&base::base64::encode(png), [*width, *height], &caption);
     }
 }
 

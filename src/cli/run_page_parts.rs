@@ -1,9 +1,9 @@
 //! Parts of a run's page: headings, tables, pictures, and how they look in light and dark.
 
 use crate::cli::run_samples::Row;
+use base::xml::escaped;
 use core::fmt::Write;
 use frames::report::plot::{Axis, Chart, Series, Style, to_svg};
-use frames::report::xml::escaped;
 
 const STYLE: &str = ":root{color-scheme:light dark;--ink:#222;--paper:#fff;--line:#d9d9d9;--head:#f3f3f3;--mark:#0072b2}\
 @media(prefers-color-scheme:dark){:root{--ink:#e6e6e6;--paper:#16181b;--line:#3a3e44;--head:#22262b;--mark:#56b4e9}}\
@@ -103,15 +103,13 @@ pub(super) fn chart_of_pointing(rows: &[Row]) -> Option<String> {
     };
     let across = |row: &Row| Some(turned_deg(row.ra_deg? - ra_deg) * dec_deg.to_radians().cos());
     let up = |row: &Row| Some(row.dec_deg? - dec_deg);
-    let series =
-        |name: &str, group, points| Series { name: name.into(), style: Style::Line, group, points, marked: Vec::new() };
     Some(to_svg(&Chart {
         title: "Boresight of the recorded frames, from that of the first".into(),
         x: Axis::linear("time after the first frame, s"),
         y: Axis::linear("angle, arcsec"),
         series: vec![
-            series("right ascension, times cos(declination)", 0, of(&across)),
-            series("declination", 1, of(&up)),
+            Series::new("right ascension, times cos(declination)", Style::Line, 0, of(&across)),
+            Series::new("declination", Style::Line, 1, of(&up)),
         ],
         ring: String::new(),
         notes: vec![format!("first frame: right ascension {ra_deg:.6} deg, declination {dec_deg:.6} deg")],

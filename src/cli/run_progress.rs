@@ -13,7 +13,7 @@ pub(super) fn sender(
     numbers: Option<Numbers>,
     frames: u64,
 ) -> impl FnMut(usize, &SentFrame, &RunRecord) {
-    let mut since_first: Option<(Stopwatch, f64)> = None;
+    let mut since_first: Option<Stopwatch> = None;
     // Every head counts, the first one shows where it points.
     let mut first_head = None;
     move |head, frame, record| {
@@ -22,13 +22,12 @@ pub(super) fn sender(
             first_head = Some(([meta.ra_deg, meta.dec_deg, meta.roll_deg], frame.truth.len(), meta.method));
         }
         let Some(([ra_deg, dec_deg, roll_deg], stars, method)) = first_head else { return };
-        let (watch, elapsed_s) = since_first.get_or_insert_with(|| (Stopwatch::start(), 0.0));
-        *elapsed_s += watch.lap().s();
+        let elapsed_s = since_first.get_or_insert_with(Stopwatch::start).elapsed().s();
         let done = record.frames.rendered;
         let update = Progress {
             frame: done,
             frames: Some(frames),
-            fps: done.saturating_sub(1) as f64 / f64::max(*elapsed_s, 1e-3),
+            fps: done.saturating_sub(1) as f64 / f64::max(elapsed_s, 1e-3),
             p99_ms: record.p99_ms(),
             late: record.frames.late,
             dropped: record.frames.dropped,

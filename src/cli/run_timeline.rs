@@ -1,8 +1,8 @@
 //! Events of a run on a time line, as SVG inside a page: a row for each kind, a mark for each bin of time that has some.
 
 use base::time::Tai;
+use base::xml::escaped;
 use core::fmt::Write;
-use frames::report::xml::escaped;
 use run::runtime::{EventKind, RunRecord};
 
 /// Most rows: the kinds that happened most often come first.

@@ -64,13 +64,7 @@ impl TelemetryPlot {
     pub fn svg(&self, title: &str) -> String {
         let line = |label: &str, kind: usize, group: usize| {
             let point = |(i, bin): (usize, &Bin)| Some([(i as f64 + 0.5) * self.bin_s, bin[kind]?.max(1e-3)]);
-            Series {
-                name: label.into(),
-                style: Style::Line,
-                group,
-                points: self.bins.iter().enumerate().filter_map(point).collect(),
-                marked: Vec::new(),
-            }
+            Series::new(label, Style::Line, group, self.bins.iter().enumerate().filter_map(point).collect())
         };
         let reported: Vec<String> = self.modes.iter().take(8).map(|(t_s, mode)| format!("{t_s:.0} s {mode}")).collect();
         let chart = Chart {

@@ -2,9 +2,8 @@
 
 use config::Scenario;
 use core::fmt::Write;
-use frames::report::{FrameAccount, FrameCounts, Losses, Machine, RunVerdict, RunWord, SinkRow};
-use frames::sink::SinkLine;
-use run::runtime::{note_lost_reader, sink_rows};
+use frames::report::{FrameAccount, FrameCounts, Losses, Machine, RunVerdict, RunWord, SinkLine};
+use run::runtime::note_lost_reader;
 use run::wiring::assessment::{ModeLine, Verdict, WindowErrors};
 use run::wiring::{control::ControlRefusals, faults::FaultLine, run_end::LoopView};
 use serde::Serialize;
@@ -84,7 +83,7 @@ pub struct ScenarioReport {
     /// The verdict is `ok`.
     pub passed: bool,
     /// Counters of each sink; empty before the end.
-    pub sinks: Vec<SinkRow>,
+    pub sinks: Vec<SinkLine>,
     /// Losses of a run that reached its end; empty when the exit status is 0.
     pub losses: Losses,
     /// Connections that the control socket refused, by reason; left out when there were none.
@@ -151,7 +150,7 @@ impl ScenarioReport {
     /// Returns the same of a run that has ended: what each sink did, and all that was lost.
     #[must_use]
     pub fn ended(self, sinks: &[SinkLine], losses: &Losses) -> Self {
-        Self { sinks: sink_rows(sinks), losses: losses.clone(), ..self }
+        Self { sinks: sinks.to_vec(), losses: losses.clone(), ..self }
     }
 
     /// Returns the same with the connections that the control socket refused.
@@ -244,9 +243,9 @@ fn write_faults(text: &mut String, report: &ScenarioReport) -> core::fmt::Result
         )?;
     }
     for sink in report.sinks.iter().filter(|sink| sink.dropped + sink.refused > 0 || report.sinks.len() > 1) {
-        let SinkRow { place, sink, frames, dropped, refused, first_error, .. } = sink;
+        let SinkLine { place, kind, frames, dropped, refused, first_error, .. } = sink;
         let error = first_error.as_ref().map(|error| format!("; first failure: {error}")).unwrap_or_default();
-        writeln!(text, "sink      {place} ({sink}): {frames} taken, {dropped} dropped, {refused} refused{error}")?;
+        writeln!(text, "sink      {place} ({kind}): {frames} taken, {dropped} dropped, {refused} refused{error}")?;
     }
     for refusal in &report.refusals {
         writeln!(text, "refused   {refusal}")?;

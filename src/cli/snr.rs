@@ -282,12 +282,8 @@ fn facts(camera: &Camera, limiting_mag: f32, sensitivity: &Sensitivity, mags: &[
 fn chart(camera: &Camera, sensitivity: &Sensitivity, mags: &[f64]) -> Chart {
     let (bright, faint) = (mags[0], mags[mags.len() - 1]);
     let at = |i: usize| bright + (faint - bright) * i as f64 / (CURVE_POINTS - 1) as f64;
-    let curve = |name: &str, style, group, of: &dyn Fn(f64) -> f64| Series {
-        name: name.into(),
-        style,
-        group,
-        points: (0..CURVE_POINTS).map(|i| [at(i), of(at(i))]).collect(),
-        marked: vec![],
+    let curve = |name: &str, style, group, of: &dyn Fn(f64) -> f64| {
+        Series::new(name, style, group, (0..CURVE_POINTS).map(|i| [at(i), of(at(i))]).collect())
     };
     let level = |snr: f64, group| curve(&format!("SNR {snr}"), Style::DashedLine, group, &|_| snr);
     Chart {

@@ -10,7 +10,6 @@ use config::{Document, Scenario};
 use frames::sink::write_file_atomically;
 use run::wiring::memory::RunMemory;
 use std::path::PathBuf;
-use std::sync::{Mutex, PoisonError};
 
 /// Width of a progress line.
 const LINE_WIDTH: usize = 100;
@@ -55,12 +54,9 @@ pub fn run(arguments: &StudyArgs) -> Result<u8> {
     folder::make("--out", &arguments.out)?;
     let effort = if arguments.quick { Effort::quick() } else { Effort::full() };
     let study = Study::new(&scenario, effort)?;
-    let watch = Mutex::new((Stopwatch::start(), 0.0));
+    let watch = Stopwatch::start();
     let studied = study.run(&|done, total, name| {
-        let mut watch = watch.lock().unwrap_or_else(PoisonError::into_inner);
-        let lap_s = watch.0.lap().s();
-        watch.1 += lap_s;
-        let line = format!("{done}/{total} done in {:.0} s: {name}", watch.1);
+        let line = format!("{done}/{total} done in {:.0} s: {name}", watch.elapsed().s());
         eprintln!("{line:.LINE_WIDTH$}");
     })?;
     for file in &studied.files {

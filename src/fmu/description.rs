@@ -1,6 +1,7 @@
 //! The table of variables -> `modelDescription.xml` of FMI 3.0.2 (sections 2.4 and 4.3 of the standard).
 
 use crate::variables::{Kind, Role, Variable};
+use base::xml::escaped;
 use core::fmt::Write as _;
 
 /// Name of the library in the archive, without its ending.
@@ -128,11 +129,6 @@ const fn element(kind: Kind) -> &'static str {
 fn line(out: &mut String, text: &str) {
     out.push_str(text);
     out.push('\n');
-}
-
-/// Returns a text as an attribute's value takes it.
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use crate::orbit::{OrbitHistory, OrbitInterpolation, OrbitSegment, OrbitState};
 use crate::{
     attitude_methods::AttitudeInterpolation, attitude_state::AttitudeState, epoch::utc_text, write_header::Header,
 };
-use base::time::Tai;
+use base::{time::Tai, xml::escaped};
 use glam::DVec3;
 use std::io::{self, Write};
 
@@ -201,8 +201,4 @@ fn xml_metadata(out: &mut dyn Write, entries: Vec<(&'static str, String)>) -> io
         writeln!(out, "<{key}>{}</{key}>", escaped(&value))?;
     }
     writeln!(out, "</metadata>\n<data>")
-}
-
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }

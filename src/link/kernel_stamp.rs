@@ -11,6 +11,7 @@
 
 use base::clock::PairedReading;
 use base::time::{Span, Tai};
+use nix::sys::time::TimeSpec;
 
 /// A packet that seems to have waited longer than this has an impossible stamp.
 const AGE_MAX: Span = Span::from_ms(60_000);
@@ -65,6 +66,12 @@ impl StampMap {
         let allowed = bench.ns() / (1_000_000 / SLEW_PPM) + STEP_MIN.ns() + now.window.ns() + self.last.window.ns();
         realtime_ns.saturating_sub(bench.ns()).saturating_abs() > allowed
     }
+}
+
+/// Returns a stamp of the kernel, ns; all zero means that none was taken.
+pub(super) fn nonzero_ns(stamp: TimeSpec) -> Option<i64> {
+    let ns = stamp.tv_sec().checked_mul(1_000_000_000)?.checked_add(stamp.tv_nsec())?;
+    (ns != 0).then_some(ns)
 }
 
 /// Places a stamp on the bench clock; `None` when its age is impossible. An age below zero within the window of the

@@ -4,7 +4,8 @@
 //! the image smoothed by a Gaussian of one pixel, above [`LEAST_SIGMA`] times the spread; place by moments under a
 //! Gaussian.
 
-use crate::picture::{Picture, median, robust};
+use crate::picture::{Picture, robust};
+use base::least_squares::median;
 
 /// Side of a cell of the background, px.
 const CELL_PX: usize = 32;

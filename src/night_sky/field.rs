@@ -1,8 +1,9 @@
 //! Stars of one field where a geometry puts them, and those that it is fitted to.
 
 use crate::geometry::{FittedGeometry, Freedom, Geometry, Tie};
-use crate::picture::{median, rms};
+use crate::picture::rms;
 use crate::{detect::Detection, measure::Spot, sky_stars::SkyStar};
+use base::least_squares::median;
 use core::f64::consts::SQRT_2;
 
 /// Most stars that are measured: of deep layers the brightest.

@@ -236,7 +236,7 @@ const MOST_WEIGHT: f64 = 4.0;
 /// Returns the weight of a star's energy: by its light, as the noise is alike for all.
 pub(crate) fn energy_weight(fluxes: impl Iterator<Item = f64>) -> impl Fn(f64) -> f64 {
     let mut all: Vec<f64> = fluxes.collect();
-    let middle = crate::picture::median(&mut all).max(f64::MIN_POSITIVE);
+    let middle = base::least_squares::median(&mut all).max(f64::MIN_POSITIVE);
     move |flux| (flux / middle).min(MOST_WEIGHT)
 }
 

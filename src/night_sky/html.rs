@@ -2,9 +2,9 @@
 
 use crate::result::{Comparison, MOST_CENTROID_PX, MOST_ENERGY, MOST_MAG, MOST_NOISE};
 use crate::{compare::Compared, figures::ring_px, pictures::side_by_side, verdict::verdict};
+use base::xml::escaped;
 use core::fmt::Write;
 use frames::report::plot::{Axis, Chart, Series, Style, to_svg};
-use run::wiring::control::base64;
 use std::io;
 
 /// Pixels of the images that are one pixel of the page's pictures, along each side.
@@ -92,7 +92,7 @@ fn section(page: &mut String, compared: &Compared) -> io::Result<()> {
         page,
         "<p><img alt=\"real, drawn, difference\" src=\"data:image/png;base64,{}\"><br>Real, drawn, and real less drawn (grey: none; white and black: five times its noise). \
          Both images have the same greys; each pixel here is the brightest of {SHRINK} x {SHRINK}.</p>",
-        base64::encode(&picture)
+        base::base64::encode(&picture)
     );
     page.push_str(&camera_table(one));
     page.push_str(&published_table(one));
@@ -231,15 +231,10 @@ fn charts(one: &Comparison) -> Vec<Chart> {
         |of: fn(&crate::figures::SnrRow) -> f64| one.snr.iter().map(|row| [row.mag_g, of(row)]).collect::<Vec<_>>();
     let arrow = |star: &crate::figures::StarRow| {
         let from = [star.x_px, -star.y_px];
-        Series {
-            name: String::new(),
-            style: Style::Line,
-            group: 1,
-            points: vec![from, [from[0] + ENLARGED * star.dx_px, from[1] - ENLARGED * star.dy_px]],
-            marked: Vec::new(),
-        }
+        let to = [from[0] + ENLARGED * star.dx_px, from[1] - ENLARGED * star.dy_px];
+        Series::new("", Style::Line, 1, vec![from, to])
     };
-    let mut field: Vec<Series> = vec![series("star", Style::Points, 0, stars(|star| [star.x_px, -star.y_px]))];
+    let mut field: Vec<Series> = vec![Series::new("star", Style::Points, 0, stars(|star| [star.x_px, -star.y_px]))];
     field.extend(one.star_rows.iter().map(arrow));
     vec![
         chart(
@@ -247,8 +242,13 @@ fn charts(one: &Comparison) -> Vec<Chart> {
             Axis::linear("along columns, px"),
             Axis::linear("along rows, px"),
             vec![
-                series("real", Style::Points, 0, stars(|star| [star.dx_px, star.dy_px])),
-                series("drawn, measured alike", Style::Points, 1, stars(|star| [star.drawn_dx_px, star.drawn_dy_px])),
+                Series::new("real", Style::Points, 0, stars(|star| [star.dx_px, star.dy_px])),
+                Series::new(
+                    "drawn, measured alike",
+                    Style::Points,
+                    1,
+                    stars(|star| [star.drawn_dx_px, star.drawn_dy_px]),
+                ),
             ],
             Vec::new(),
         ),
@@ -264,8 +264,8 @@ fn charts(one: &Comparison) -> Vec<Chart> {
             Axis::linear("Gaia G"),
             Axis::linear("difference, mag"),
             vec![
-                series("real", Style::Points, 0, stars(|star| [star.mag_g, star.dmag])),
-                series("drawn, measured alike", Style::Points, 1, stars(|star| [star.mag_g, star.drawn_dmag])),
+                Series::new("real", Style::Points, 0, stars(|star| [star.mag_g, star.dmag])),
+                Series::new("drawn, measured alike", Style::Points, 1, stars(|star| [star.mag_g, star.drawn_dmag])),
             ],
             Vec::new(),
         ),
@@ -273,7 +273,7 @@ fn charts(one: &Comparison) -> Vec<Chart> {
             "The same by colour",
             Axis::linear("Gaia BP - RP"),
             Axis::linear("difference, mag"),
-            vec![series("real", Style::Points, 0, stars(|star| [star.bp_rp, star.dmag]))],
+            vec![Series::new("real", Style::Points, 0, stars(|star| [star.bp_rp, star.dmag]))],
             Vec::new(),
         ),
         chart(
@@ -281,8 +281,8 @@ fn charts(one: &Comparison) -> Vec<Chart> {
             Axis::linear("distance, px"),
             Axis::log("share of the light per pixel"),
             vec![
-                series("real", Style::Line, 0, profile(&one.energy.real_profile)),
-                series("drawn", Style::DashedLine, 1, profile(&one.energy.drawn_profile)),
+                Series::new("real", Style::Line, 0, profile(&one.energy.real_profile)),
+                Series::new("drawn", Style::DashedLine, 1, profile(&one.energy.drawn_profile)),
             ],
             Vec::new(),
         ),
@@ -291,16 +291,12 @@ fn charts(one: &Comparison) -> Vec<Chart> {
             Axis::linear("Gaia G"),
             Axis::log("SNR"),
             vec![
-                series("real", Style::Line, 0, rows(|row| row.real)),
-                series("drawn", Style::DashedLine, 1, rows(|row| row.drawn)),
+                Series::new("real", Style::Line, 0, rows(|row| row.real)),
+                Series::new("drawn", Style::DashedLine, 1, rows(|row| row.drawn)),
             ],
             Vec::new(),
         ),
     ]
-}
-
-fn series(name: &str, style: Style, group: usize, points: Vec<[f64; 2]>) -> Series {
-    Series { name: name.into(), style, group, points, marked: Vec::new() }
 }
 
 fn chart(title: &str, x: Axis, y: Axis, series: Vec<Series>, notes: Vec<String>) -> Chart {
@@ -322,11 +318,6 @@ fn star_table(one: &Comparison) -> String {
     }
     text.push_str("</table></details>\n");
     text
-}
-
-/// Returns text with the characters of HTML replaced.
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
 #[cfg(test)]

@@ -3,7 +3,8 @@
 
 use crate::measure::PixelNoise;
 use crate::newton::{Fitted, linear};
-use crate::picture::{Picture, median, robust};
+use crate::picture::{Picture, robust};
+use base::least_squares::median;
 use glam::DVec2;
 use plan::optics::{Illumination, illumination::Vignetting};
 

@@ -5,8 +5,9 @@
 //! star that is too faint for a place of its own keeps the one that was predicted. The same code measures real and
 //! drawn frames.
 
-use crate::picture::{Picture, median, window};
+use crate::picture::{Picture, window};
 use crate::stamp::Stamp;
+use base::least_squares::median;
 
 /// Half-width of the square in which a star is fitted, px.
 pub const FIT_HALF_PX: i64 = 3;

@@ -5,8 +5,9 @@
 //! that are far off; the rms does (one variable star of 36 made 0.116 mag to 0.305).
 
 use crate::figures::{Pair, StarRow};
-use crate::picture::{median, rms, robust};
+use crate::picture::{rms, robust};
 use crate::variables::{hipparcos, variable};
+use base::least_squares::median;
 use core::f64::consts::SQRT_2;
 use serde::Serialize;
 

@@ -1,5 +1,6 @@
 //! An image as numbers of the converter, whatever file it came from.
 
+use base::least_squares::median;
 use glam::DVec2;
 
 /// Digital numbers of one frame, row by row from the top.
@@ -80,15 +81,6 @@ pub(crate) fn window(px: [f64; 2], half: i64) -> impl Iterator<Item = [usize; 2]
     let [column, row] = px.map(|v| v.round() as i64);
     let span = move |middle: i64| (middle - half..=middle + half).map(|v| usize::try_from(v).unwrap_or(0));
     span(row).flat_map(move |y| span(column).map(move |x| [x, y]))
-}
-
-/// Returns the median; not a number of nothing.
-pub(crate) fn median(values: &mut [f64]) -> f64 {
-    let middle = values.len() / 2;
-    if values.is_empty() {
-        return f64::NAN;
-    }
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
 /// Returns median and spread (1.4826 times the median distance from it, the standard deviation of a Gaussian).

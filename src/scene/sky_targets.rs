@@ -12,6 +12,7 @@
 //! of the run, and counted once. Tests: below; `hil_scripts/test_targets.py` against another program.
 
 use crate::{camera::CameraParams, error::SceneError};
+use base::bisection::halved;
 use base::time::{Span, Tai};
 use core::f64::consts::PI;
 use glam::DVec3;
@@ -29,7 +30,7 @@ const MARGIN_PX: f64 = 128.0;
 /// Largest error of a trajectory before the frame is reported as over its budget, px.
 pub const WAY_BUDGET_PX: f64 = 0.01;
 /// Number of halvings of an exposure to find when a target sets: nanoseconds of a minute.
-const LIMB_HALVINGS: usize = 36;
+const LIMB_HALVINGS: u32 = 36;
 
 /// One target on the sky.
 #[derive(Debug, Clone)]
@@ -358,11 +359,8 @@ impl Exposure {
             (false, false) => None,
             (rises_not, _) => {
                 // Above the limb at one end, below it at the other.
-                let (mut above, mut below) = if rises_not { (first, last) } else { (last, first) };
-                for _ in 0..LIMB_HALVINGS {
-                    let middle = 0.5 * (above + below);
-                    *(if is_above(middle) { &mut above } else { &mut below }) = middle;
-                }
+                let ends = if rises_not { [first, last] } else { [last, first] };
+                let [above, _] = halved(ends, LIMB_HALVINGS, is_above);
                 Some(if rises_not { [begin, end.min(at(above))] } else { [begin.max(at(above)), end] })
             }
         }

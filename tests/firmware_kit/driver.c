@@ -16,15 +16,6 @@
 
 #define VALUES_MAX 40
 
-#ifdef STATIC_LIBRARY
-/* The program's own: what the static library calls if it ever panics. */
-void sl_panic(void);
-void sl_panic(void) {
-    fputs("panic in the static library\n", stderr);
-    abort();
-}
-#endif
-
 static char text[1 << 16];
 static sl_can_decoder can;
 static sl_serial_decoder serial;

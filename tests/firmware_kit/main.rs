@@ -1,4 +1,4 @@
-//! The firmware kit holds together: Rust crate, DBC, C sources, static library, vectors and INTERFACE.md say the same.
+//! The firmware kit holds together: Rust crate, DBC, C sources, vectors and INTERFACE.md say the same.
 
 #![allow(clippy::wildcard_enum_match_arm, reason = "a test looks for one kind among all")]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test may stop at the first surprise and says what it was")]
@@ -12,7 +12,6 @@ mod documents;
 mod flat;
 mod rust_codec;
 mod samples;
-mod static_library;
 mod vectors;
 
 use std::path::PathBuf;

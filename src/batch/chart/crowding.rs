@@ -115,9 +115,8 @@ pub fn chart(rows: &[CrowdingRow]) -> Chart {
             let rows = rows.iter().filter(|row| row.backend == *backend);
             rows.map(|row| [row.stars as f64, value(row)]).collect::<Vec<_>>()
         };
-        let line = |name: String, style, points| Series { name, style, group, points, marked: Vec::new() };
-        series.push(line(format!("{backend}, measured"), Style::Points, of(CrowdingRow::total_ms)));
-        series.push(line(format!("{backend}, predicted"), Style::DashedLine, of(|row| row.predicted_ms)));
+        series.push(Series::new(format!("{backend}, measured"), Style::Points, group, of(CrowdingRow::total_ms)));
+        series.push(Series::new(format!("{backend}, predicted"), Style::DashedLine, group, of(|row| row.predicted_ms)));
     }
     Chart {
         title: "Time of a frame by its stars, jitter of 0.5 px".into(),

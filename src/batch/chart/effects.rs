@@ -7,9 +7,9 @@
 use crate::chart::effect_cases::{DETECTOR, DRAWING, DrawingSwitch, Switch};
 use crate::chart::scenes::{Movement, Psf, Scene, Stars};
 use crate::chart::stage::{EXPOSURE_S, Stage};
-use crate::chart::{ChartError, drawer::Drawer, timing::median};
-use base::clock::Stopwatch;
+use crate::chart::{ChartError, drawer::Drawer};
 use base::image::{DnImage, Image};
+use base::{clock::Stopwatch, least_squares::median};
 use image::detector::{Background, Detector, DetectorConditions, DetectorParams};
 use image::{detector::gpu::GpuDetector, render::RenderError, render::gpu::Gpu};
 use plan::exposure::MethodChoice;
@@ -124,7 +124,7 @@ fn by_turns<E>(turns: usize, mut frame: impl FnMut(usize) -> Result<(), E>) -> R
             }
         }
     }
-    Ok(taken_ms.map(median))
+    Ok(taken_ms.map(|mut times| median(&mut times)))
 }
 
 /// A detector in front of the same light.

@@ -25,13 +25,17 @@ pub fn chart(rows: &[MethodRow], scene: &Scene, backend: &str) -> Chart {
         let points = |value: fn(&MethodRow) -> f64| {
             members.iter().map(|row| [row.nodes as f64, value(row)]).collect::<Vec<[f64; 2]>>()
         };
-        let line = |name: String, style, points| Series { name, style, group, points, marked: Vec::new() };
         if members.is_empty() {
             continue;
         }
-        series.push(line(name.name().into(), Style::Points, points(|row| row.centroid_px)));
-        series.push(line(String::new(), Style::Line, points(|row| row.centroid_px)));
-        series.push(line(format!("{}, bound", name.name()), Style::DashedLine, points(|row| row.bound_centroid_px)));
+        series.push(Series::new(name.name(), Style::Points, group, points(|row| row.centroid_px)));
+        series.push(Series::new("", Style::Line, group, points(|row| row.centroid_px)));
+        series.push(Series::new(
+            format!("{}, bound", name.name()),
+            Style::DashedLine,
+            group,
+            points(|row| row.bound_centroid_px),
+        ));
     }
     Chart {
         title: format!("{}: error by number of nodes, {backend} backend", scene.title),

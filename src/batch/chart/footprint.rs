@@ -68,12 +68,11 @@ pub fn chart(rows: &[FootprintRow]) -> Chart {
             let of_name = rows.iter().filter(|row| row.psf == name);
             of_name.map(|row| [row.half_px as f64, value(row)]).collect::<Vec<[f64; 2]>>()
         };
-        let line = |name: String, style, points| Series { name, style, group, points, marked: Vec::new() };
         let is_seen = |point: &[f64; 2]| point[1] >= ROUNDING;
         let found: Vec<_> = points(|row| row.lost_flux).into_iter().filter(is_seen).collect();
         let bounds: Vec<_> = points(|row| row.bound).into_iter().filter(is_seen).collect();
-        series.push(line(name.into(), Style::Points, found));
-        series.push(line(format!("{name}, bound"), Style::DashedLine, bounds));
+        series.push(Series::new(name, Style::Points, group, found));
+        series.push(Series::new(format!("{name}, bound"), Style::DashedLine, group, bounds));
     }
     Chart {
         title: "Light beyond the footprint".into(),

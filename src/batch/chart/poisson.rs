@@ -87,9 +87,8 @@ pub fn chart(rows: &[PoissonRow]) -> Chart {
             let of_method = rows.iter().filter(|row| row.method == method.name());
             of_method.map(|row| [row.lambda_e, value(row)]).collect::<Vec<[f64; 2]>>()
         };
-        let line = |name: String, style, points| Series { name, style, group, points, marked: Vec::new() };
-        series.push(line(method.name().into(), Style::Points, points(|row| row.distance)));
-        series.push(line(format!("{method}, bound"), Style::DashedLine, points(|row| row.bound)));
+        series.push(Series::new(method.name(), Style::Points, group, points(|row| row.distance)));
+        series.push(Series::new(format!("{method}, bound"), Style::DashedLine, group, points(|row| row.bound)));
     }
     let cost = |method: PoissonMethod| {
         let of_method = rows.iter().filter(|row| row.method == method.name()).map(|row| row.ns_per_pixel);

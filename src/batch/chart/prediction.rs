@@ -83,9 +83,8 @@ fn chart(rows: &[PredictionRow], motion: &str, title: &str) -> Chart {
             let of_name = rows.iter().filter(|row| row.method == name && has_place(value(row)));
             of_name.map(|row| [row.horizon_ms, value(row)]).collect::<Vec<[f64; 2]>>()
         };
-        let line = |name: String, style, points| Series { name, style, group, points, marked: Vec::new() };
-        series.push(line(name.into(), Style::Points, points(|row| row.error_arcsec)));
-        series.push(line(format!("{name}, bound"), Style::DashedLine, points(|row| row.bound_arcsec)));
+        series.push(Series::new(name, Style::Points, group, points(|row| row.error_arcsec)));
+        series.push(Series::new(format!("{name}, bound"), Style::DashedLine, group, points(|row| row.bound_arcsec)));
     }
     Chart {
         title: format!("Attitude between samples: {title}"),

@@ -56,10 +56,9 @@ pub fn chart(rows: &[MethodRow]) -> Chart {
         if of_name().next().is_none() {
             continue;
         }
-        let line = |name: String, style, points| Series { name, style, group, points, marked: Vec::new() };
-        series.push(line(name.into(), Style::Points, points(|row| row.centroid_px)));
-        series.push(line(String::new(), Style::Line, points(|row| row.centroid_px)));
-        series.push(line(String::new(), Style::DashedLine, points(|row| row.bound_centroid_px)));
+        series.push(Series::new(name, Style::Points, group, points(|row| row.centroid_px)));
+        series.push(Series::new("", Style::Line, group, points(|row| row.centroid_px)));
+        series.push(Series::new("", Style::DashedLine, group, points(|row| row.bound_centroid_px)));
     }
     Chart {
         title: format!("PSF sampling without motion, {backend} backend"),

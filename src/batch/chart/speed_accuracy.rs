@@ -36,7 +36,7 @@ pub fn chart(rows: &[MethodRow], scene: &Scene, backend: &str) -> Chart {
     let rows = rows_of(rows, scene, backend);
     let points: Vec<[f64; 2]> = rows.iter().map(|row| point(row)).collect();
     let front: Vec<[f64; 2]> = pareto_front(&points).into_iter().map(|i| points[i]).collect();
-    let mut series = vec![plain("nothing is faster and better", Style::Front, 0, front)];
+    let mut series = vec![Series::new("nothing is faster and better", Style::Front, 0, front)];
     for (group, name) in MethodName::ALL.into_iter().enumerate() {
         let members: Vec<&&MethodRow> = rows.iter().filter(|row| family(row) == name.name()).collect();
         if members.is_empty() {
@@ -44,12 +44,12 @@ pub fn chart(rows: &[MethodRow], scene: &Scene, backend: &str) -> Chart {
         }
         let marked = (0..members.len()).filter(|i| members[*i].is_choice()).collect();
         let points = members.iter().map(|row| point(row)).collect();
-        series.push(Series { marked, ..plain(name.name(), Style::Points, group, points) });
+        series.push(Series { marked, ..Series::new(name.name(), Style::Points, group, points) });
     }
     let budget_px = AccuracyBudget::default().centroid_px;
     let ends = |pick: fn(f64, f64) -> f64, from: f64| points.iter().map(|p| p[0]).fold(from, pick);
     let line = [ends(f64::min, f64::INFINITY), ends(f64::max, 0.0)].map(|ms| [ms, budget_px]).to_vec();
-    series.push(plain("budget", Style::DashedLine, 6, line));
+    series.push(Series::new("budget", Style::DashedLine, 6, line));
     Chart {
         title: format!("{}, {backend} backend", scene.title),
         x: Axis::log("time to draw a frame, ms"),
@@ -58,10 +58,6 @@ pub fn chart(rows: &[MethodRow], scene: &Scene, backend: &str) -> Chart {
         ring: "the planner's choice".into(),
         notes: notes(scene, &rows),
     }
-}
-
-fn plain(name: &str, style: Style, group: usize, points: Vec<[f64; 2]>) -> Series {
-    Series { name: name.into(), style, group, points, marked: Vec::new() }
 }
 
 fn notes(scene: &Scene, rows: &[&MethodRow]) -> Vec<String> {

@@ -1,6 +1,6 @@
 //! Medians of frame times, after two warm-up frames, within a time limit.
 
-use base::clock::Stopwatch;
+use base::{clock::Stopwatch, least_squares::median};
 
 /// Time of one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,14 +48,8 @@ impl Effort {
             taken_ms.push(ms);
         }
         let least_ms = taken_ms.iter().copied().fold(f64::INFINITY, f64::min);
-        Ok(FrameTime { median_ms: median(taken_ms), least_ms })
+        Ok(FrameTime { median_ms: median(&mut taken_ms), least_ms })
     }
-}
-
-/// Returns the median; NaN for an empty list.
-pub fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
 #[cfg(test)]
@@ -76,11 +70,5 @@ mod tests {
         assert_eq!(time.least_ms, time.median_ms, "one frame is beyond the limit");
         assert_eq!(frames, (2 + 5) + (2 + 1));
         assert_eq!(Effort { most_ms: 1.0, most: 1 }.time(|| Err("lost")), Err("lost"));
-    }
-
-    #[test]
-    fn the_median_is_the_middle_value() {
-        assert_eq!(median(vec![3.0, 1.0, 2.0]), 2.0);
-        assert!(median(Vec::new()).is_nan());
     }
 }

@@ -4,21 +4,13 @@ use super::point::{
     ACTUATION_DELAY, Agreement, JITTER, PHASE_MARGIN, POINTING_ERROR, REJECTION, StudyPoint, TRACKER_DELAY,
 };
 use super::{Study, StudyError};
+use crate::chart::{File, rows::csv_text};
 use base::units::DEG;
 use core::f64::consts::TAU;
 use frames::report::plot::{Axis, Chart, Series, Style, to_svg};
 
 /// Number of points of a theoretical curve.
 const CURVE_POINTS: u32 = 200;
-
-/// A file of a study.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct File {
-    /// Its name.
-    pub name: String,
-    /// Its content.
-    pub text: String,
-}
 
 /// Returns the table and every chart.
 ///
@@ -32,19 +24,6 @@ pub(super) fn files(study: &Study, points: &[StudyPoint]) -> Result<Vec<File>, S
         svg("jitter_rejection", rejection(study, points)),
         svg("pointing_error", pointing_error(points)),
     ])
-}
-
-fn csv_text(points: &[StudyPoint]) -> Result<String, csv::Error> {
-    let mut writer = csv::Writer::from_writer(Vec::new());
-    for point in points {
-        writer.serialize(point)?;
-    }
-    let bytes = writer.into_inner().map_err(|error| csv::Error::from(error.into_error()))?;
-    Ok(String::from_utf8_lossy(&bytes).into_owned())
-}
-
-fn series(name: &str, style: Style, group: usize, points: Vec<[f64; 2]>) -> Series {
-    Series { name: name.into(), style, group, points, marked: Vec::new() }
 }
 
 fn of<'a>(points: &'a [StudyPoint], kind: &'a str, varied: &'a str) -> impl Iterator<Item = &'a StudyPoint> {
@@ -71,10 +50,10 @@ fn phase_margin(study: &Study, points: &[StudyPoint]) -> Chart {
         x: Axis::linear("latency injected, ms"),
         y: Axis::linear("phase margin, deg"),
         series: vec![
-            series("theory", Style::Line, 0, curve(&built)),
-            series("theory without the gyro's mean", Style::DashedLine, 6, curve(&textbook)),
-            series("delay of the torque", Style::Points, 1, measured(of(points, PHASE_MARGIN, ACTUATION_DELAY))),
-            series("delay of the tracker", Style::Points, 2, measured(of(points, PHASE_MARGIN, TRACKER_DELAY))),
+            Series::new("theory", Style::Line, 0, curve(&built)),
+            Series::new("theory without the gyro's mean", Style::DashedLine, 6, curve(&textbook)),
+            Series::new("delay of the torque", Style::Points, 1, measured(of(points, PHASE_MARGIN, ACTUATION_DELAY))),
+            Series::new("delay of the tracker", Style::Points, 2, measured(of(points, PHASE_MARGIN, TRACKER_DELAY))),
         ],
         ring: String::new(),
         notes: vec![format!(
@@ -102,10 +81,10 @@ fn rejection(study: &Study, points: &[StudyPoint]) -> Chart {
         x: Axis::log("frequency of the jitter, Hz"),
         y: Axis::log("pointing error over the jitter of a free body"),
         series: vec![
-            series("theory |S|", Style::Line, 0, (0..=CURVE_POINTS).map(curve).collect()),
-            series("bandwidth", Style::DashedLine, 6, vec![[bandwidth_hz, left(low)], [bandwidth_hz, 2.0]]),
-            series("measured, judged", Style::Points, 1, split(|verdict| verdict != Agreement::Reported)),
-            series("measured above the bandwidth", Style::Points, 4, split(|verdict| verdict == Agreement::Reported)),
+            Series::new("theory |S|", Style::Line, 0, (0..=CURVE_POINTS).map(curve).collect()),
+            Series::new("bandwidth", Style::DashedLine, 6, vec![[bandwidth_hz, left(low)], [bandwidth_hz, 2.0]]),
+            Series::new("measured, judged", Style::Points, 1, split(|verdict| verdict != Agreement::Reported)),
+            Series::new("measured above the bandwidth", Style::Points, 4, split(|verdict| verdict == Agreement::Reported)),
         ],
         ring: String::new(),
         notes: vec![
@@ -129,10 +108,10 @@ fn pointing_error(points: &[StudyPoint]) -> Chart {
         x: Axis::linear("latency injected, ms"),
         y: Axis::log("rms of the boresight about its mean, arcsec"),
         series: vec![
-            series("theory, delay of the torque", Style::Line, 1, predicted(ACTUATION_DELAY)),
-            series("measured, delay of the torque", Style::Points, 1, found(ACTUATION_DELAY)),
-            series("theory, delay of the tracker", Style::Line, 2, predicted(TRACKER_DELAY)),
-            series("measured, delay of the tracker", Style::Points, 2, found(TRACKER_DELAY)),
+            Series::new("theory, delay of the torque", Style::Line, 1, predicted(ACTUATION_DELAY)),
+            Series::new("measured, delay of the torque", Style::Points, 1, found(ACTUATION_DELAY)),
+            Series::new("theory, delay of the tracker", Style::Line, 2, predicted(TRACKER_DELAY)),
+            Series::new("measured, delay of the tracker", Style::Points, 2, found(TRACKER_DELAY)),
         ],
         ring: String::new(),
         notes: vec!["Both axes together. Theory: tracker and gyro noise through estimator and loop. All points have the same seeds, so \

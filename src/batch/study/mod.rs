@@ -20,10 +20,10 @@ pub mod theory;
 pub mod tone;
 pub mod trial;
 
-pub use figures::File;
 pub use noise::{POINTING_SHARE, TAG_SHARE};
 pub use point::{Agreement, StudyPoint};
 
+use crate::chart::File;
 use config::{Scenario, StartTime};
 use core::f64::consts::TAU;
 use core::sync::atomic::{AtomicUsize, Ordering};

@@ -8,6 +8,7 @@
 //! In: vehicle parameters, an added delay. Out: `L`, `S`, margins, and the error caused by noise. Test: `tests`, with
 //! an independent simulation of the sampled loop; `tests/closed_loop/study.rs`, over pixels.
 
+use base::bisection::bisected;
 use testbed::acs::{complex::Complex, linear::PointingLoop, pointing_error::PointingNoise};
 use testbed::estimator::{Farrenkopf, GyroNoise};
 use testbed::vehicle::VehicleParams;
@@ -61,16 +62,8 @@ impl LoopOnPaper {
     /// Returns the frequency at which `|L| = 1`, rad/s; `None` if the textbook's loop has none.
     pub fn crossover_rad_s(&self) -> Option<f64> {
         let near = self.textbook.gain_crossover_rad_s()?;
-        let (mut below, mut above) = (near / CROSSOVER_FACTOR, near * CROSSOVER_FACTOR);
-        for _ in 0..HALVINGS {
-            let middle = 0.5 * (below + above);
-            if self.open_loop(middle).modulus() > 1.0 {
-                below = middle;
-            } else {
-                above = middle;
-            }
-        }
-        Some(0.5 * (below + above))
+        let about = [near / CROSSOVER_FACTOR, near * CROSSOVER_FACTOR];
+        Some(bisected(about, HALVINGS, |w_rad_s| self.open_loop(w_rad_s).modulus() > 1.0))
     }
 
     /// Returns the phase margin, rad, in `-pi..=pi`; negative when the loop is unstable.

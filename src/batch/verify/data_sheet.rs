@@ -155,16 +155,14 @@ impl DataSheet {
     pub fn chart(&self, camera: &str) -> Chart {
         let measured = self.points.iter().map(|p| [p.signal_dn, p.variance_dn2]).collect();
         let line = |p: &LightPoint| [p.signal_dn, p.signal_dn / self.gain_e_per_dn];
-        let series =
-            |name: &str, style, group, points| Series { name: name.into(), style, group, points, marked: Vec::new() };
         Chart {
             title: format!("Photon transfer of {camera}"),
             x: Axis::log("signal over the dark level, DN"),
             y: Axis::log("temporal variance over that of the dark, DN^2"),
             series: vec![
-                series("pairs of flats", Style::Points, 0, measured),
-                series(
-                    &format!("slope 1 / {:.4} e-/DN", self.gain_e_per_dn),
+                Series::new("pairs of flats", Style::Points, 0, measured),
+                Series::new(
+                    format!("slope 1 / {:.4} e-/DN", self.gain_e_per_dn),
                     Style::Line,
                     1,
                     self.points.iter().map(line).collect(),

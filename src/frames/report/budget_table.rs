@@ -1,7 +1,7 @@
 //! The budget as text for a terminal: a table of lines, misses by cause, unavailable settings, proposed changes.
 
 use crate::report::budget::{BudgetLine, BudgetReport};
-use std::collections::BTreeMap;
+use crate::report::table::joined;
 
 /// Below this count the 99 % quantile is the longest time.
 const ENOUGH_FOR_P99: u64 = 100;
@@ -73,9 +73,4 @@ fn push_counts(lines: &mut Vec<String>, report: &BudgetReport) {
         let [p50, p99, p999, max] = [q.p50_ms, q.p99_ms, q.p999_ms, q.max_ms];
         lines.push(format!("{name:<26} p50 {p50:.3}  p99 {p99:.3}  p99.9 {p999:.3}  max {max:.3} ms"));
     }
-}
-
-fn joined(counts: &BTreeMap<String, u64>) -> String {
-    let parts: Vec<String> = counts.iter().map(|(name, n)| format!("{name} {n}")).collect();
-    if parts.is_empty() { "none".into() } else { parts.join(", ") }
 }

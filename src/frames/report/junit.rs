@@ -5,7 +5,7 @@
 
 use crate::report::budget::{BudgetLine, BudgetReport, LineVerdict};
 use crate::report::verdict::{RunVerdict, RunWord};
-use crate::report::xml::escaped;
+use base::xml::escaped;
 use core::fmt::Write;
 
 /// Returns the report as an XML document.

@@ -3,7 +3,7 @@
 //! A frame that a sink did not take, a file of the run that could not be written, a capture that is not whole, a thread
 //! that ended early. A run that was cut short by an error is another matter: its error says so.
 
-use crate::report::sink_row::SinkRow;
+use crate::report::sink_line::SinkLine;
 use core::fmt;
 use serde::Serialize;
 
@@ -53,7 +53,7 @@ pub struct Losses(Vec<LossLine>);
 
 impl Losses {
     /// Lists the sinks that did not take every frame, or failed in another way.
-    pub fn of_sinks(rows: &[SinkRow]) -> Self {
+    pub fn of_sinks(rows: &[SinkLine]) -> Self {
         Self(rows.iter().filter_map(of_sink).collect())
     }
 
@@ -105,8 +105,8 @@ impl fmt::Display for Losses {
     }
 }
 
-fn of_sink(row: &SinkRow) -> Option<LossLine> {
-    let SinkRow { place, sink, frames, dropped, refused, first_error, is_lost, .. } = row;
+fn of_sink(row: &SinkLine) -> Option<LossLine> {
+    let SinkLine { place, kind, frames, dropped, refused, first_error, is_lost, .. } = row;
     let count = dropped + refused;
     if count == 0 && first_error.is_none() && !is_lost {
         return None;
@@ -119,7 +119,7 @@ fn of_sink(row: &SinkRow) -> Option<LossLine> {
     if let Some(error) = first_error {
         detail += &format!(", first failure: {error}");
     }
-    Some(LossLine { part: LostPart::Sink, name: format!("{place} ({sink})"), count, detail })
+    Some(LossLine { part: LostPart::Sink, name: format!("{place} ({kind})"), count, detail })
 }
 
 #[cfg(test)]
@@ -127,9 +127,9 @@ mod tests {
     use super::*;
     use crate::report::summary::sample_summary;
 
-    fn row(dropped: u64, refused: u64, first_error: Option<&str>) -> SinkRow {
-        let [row] = <[SinkRow; 1]>::try_from(sample_summary().sinks).unwrap();
-        SinkRow { dropped, refused, first_error: first_error.map(Into::into), is_lost: false, frames: 40, ..row }
+    fn row(dropped: u64, refused: u64, first_error: Option<&str>) -> SinkLine {
+        let [row] = <[SinkLine; 1]>::try_from(sample_summary().sinks).unwrap();
+        SinkLine { dropped, refused, first_error: first_error.map(Into::into), is_lost: false, frames: 40, ..row }
     }
 
     #[test]
@@ -140,7 +140,7 @@ mod tests {
 
     #[test]
     fn drops_refusals_failed_ends_and_lost_sinks_are_losses() {
-        let broken = SinkRow { is_lost: true, ..row(0, 0, None) };
+        let broken = SinkLine { is_lost: true, ..row(0, 0, None) };
         let rows = [row(10, 0, None), row(0, 3, Some("no space")), row(0, 0, None), row(0, 0, Some("gone")), broken];
         let losses = Losses::of_sinks(&rows);
         assert_eq!(losses.lines().iter().map(|line| line.count).collect::<Vec<_>>(), [10, 3, 0, 0]);

@@ -7,7 +7,7 @@ use crate::report::histogram::{CountSpread, Quantiles};
 use crate::report::verdict::{RunVerdict, RunWord};
 use crate::report::{
     ReportError, account::FrameAccount, frame_ring::Latency, gateway_row::GatewayRow, losses::Losses, machine::Machine,
-    sink_row::SinkRow, stages::Stage,
+    sink_line::SinkLine, stages::Stage,
 };
 use serde::{Serialize, Serializer};
 use std::collections::BTreeMap;
@@ -84,7 +84,7 @@ pub struct RunSummary {
     /// CRC-32 over all frames, eight hexadecimal digits: equal for equal runs.
     pub run_crc32: String,
     /// Result of each sink.
-    pub sinks: Vec<SinkRow>,
+    pub sinks: Vec<SinkLine>,
     /// Losses of a run that reached its end; empty when the exit status is 0.
     pub losses: Losses,
     /// Frames that each gateway forwarded, lost and refused.
@@ -250,10 +250,10 @@ pub(crate) fn sample_summary() -> RunSummary {
 }
 
 #[cfg(test)]
-fn sample_row() -> SinkRow {
-    SinkRow {
+fn sample_row() -> SinkLine {
+    SinkLine {
         place: "extra_sink[0]".into(),
-        sink: "recorder".into(),
+        kind: "recorder",
         frames: 590,
         dropped: 7,
         refused: 1,
@@ -262,9 +262,9 @@ fn sample_row() -> SinkRow {
         output: Some("runs/7".into()),
         first_error: Some("no space".into()),
         is_lost: false,
-        mean_delay_ms: 12.5,
-        longest_delay_ms: 310.0,
-        counts: BTreeMap::from([("resent".into(), 4)]),
+        mean_delay: base::time::Span::from_s(0.0125),
+        longest_delay: base::time::Span::from_ms(310),
+        counts: vec![("resent", 4)],
     }
 }
 

@@ -1,7 +1,7 @@
 //! The run summary as text for a terminal: aligned columns, units in the headings.
 
 use crate::report::{
-    gateway_row::HEADINGS, histogram::Quantiles, plain_names::plain_names, sink_row::SinkRow, stages::Stage,
+    gateway_row::HEADINGS, histogram::Quantiles, plain_names::plain_names, sink_line::SinkLine, stages::Stage,
     summary::RunSummary,
 };
 use std::collections::BTreeMap;
@@ -70,7 +70,7 @@ pub fn short_table(s: &RunSummary) -> String {
     rows.push(("output", format!("{} {}", s.sink, s.output.as_deref().unwrap_or("(nothing kept)"))));
     rows.push(("run CRC-32", s.run_crc32.clone()));
     let mut lines: Vec<String> = rows.into_iter().map(|(name, value)| format!("{name:<NAME_WIDTH$}{value}")).collect();
-    let in_trouble = |row: &&SinkRow| row.dropped + row.refused > 0 || row.is_lost;
+    let in_trouble = |row: &&SinkLine| row.dropped + row.refused > 0 || row.is_lost;
     lines.extend(s.sinks.iter().filter(in_trouble).map(|row| {
         format!("{:<NAME_WIDTH$}{} taken, {} dropped, {} refused", row.place, row.frames, row.dropped, row.refused)
     }));
@@ -181,7 +181,8 @@ fn push_counts(lines: &mut Vec<String>, s: &RunSummary) {
 
 /// Adds a row per sink when there are several or one has something to report; failures and outputs below.
 fn push_sinks(lines: &mut Vec<String>, s: &RunSummary) {
-    let is_plain = |row: &SinkRow| row.dropped + row.refused == 0 && row.first_error.is_none() && row.counts.is_empty();
+    let is_plain =
+        |row: &SinkLine| row.dropped + row.refused == 0 && row.first_error.is_none() && row.named_counts().is_empty();
     if let [] | [_] = s.sinks.as_slice()
         && s.sinks.iter().all(is_plain)
     {
@@ -193,10 +194,11 @@ fn push_sinks(lines: &mut Vec<String>, s: &RunSummary) {
     for sink in &s.sinks {
         let counts = [sink.frames, sink.dropped, sink.refused].map(|count| count.to_string());
         let sizes = [format!("{:.1}", sink.bytes as f64 / 1e6)];
-        let delays = [sink.mean_delay_ms, sink.longest_delay_ms].map(|ms| format!("{ms:.1}"));
-        lines.push(row(&sink.sink, &[&counts, &sizes[..], &delays].concat()));
+        let delays = [sink.mean_delay, sink.longest_delay].map(|delay| format!("{:.1}", delay.ms()));
+        lines.push(row(sink.kind, &[&counts, &sizes[..], &delays].concat()));
         let lost = sink.is_lost.then(|| "broke down: it took nothing from then on".to_owned());
-        let counts = (!sink.counts.is_empty()).then(|| joined(&sink.counts));
+        let counts = sink.named_counts();
+        let counts = (!counts.is_empty()).then(|| joined(&counts));
         let output = sink.output.as_ref().map(|output| format!("to {output}"));
         let error = sink.first_error.as_ref().map(|error| format!("first failure: {error}"));
         lines
@@ -217,7 +219,8 @@ fn push_gateways(lines: &mut Vec<String>, s: &RunSummary) {
     }
 }
 
-fn joined(counts: &BTreeMap<String, u64>) -> String {
+/// Returns counts by name in words.
+pub(super) fn joined(counts: &BTreeMap<String, u64>) -> String {
     let parts: Vec<String> = counts.iter().map(|(name, n)| format!("{name} {n}")).collect();
     if parts.is_empty() { "none".into() } else { parts.join(", ") }
 }

@@ -6,8 +6,9 @@
 //! measure the bars.
 
 use crate::report::frame_record::{FrameRecord, MissCause};
-use crate::report::{plot::colour, stages::Stage, xml::escaped};
+use crate::report::{plot::colour, stages::Stage};
 use base::time::{Span, Tai};
+use base::xml::escaped;
 use core::fmt::Write;
 
 const WIDTH_PX: f64 = 960.0;

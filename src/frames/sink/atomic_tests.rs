@@ -79,7 +79,7 @@ fn planted_link_pipe_or_folder_is_refused_without_a_wait_and_its_target_stays() 
     fs::write(&victim, "precious").unwrap();
     let names = ["link", "pipe", "folder", "dangling"].map(|name| directory.path().join(name));
     std::os::unix::fs::symlink(&victim, &names[0]).unwrap();
-    nix::unistd::mkfifo(&names[1], nix::sys::stat::Mode::S_IRWXU).unwrap();
+    rustix::fs::mkfifoat(rustix::fs::CWD, &names[1], rustix::fs::Mode::RWXU).unwrap();
     fs::create_dir(&names[2]).unwrap();
     std::os::unix::fs::symlink(directory.path().join("nothing"), &names[3]).unwrap();
     for name in &names {

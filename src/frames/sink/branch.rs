@@ -10,7 +10,8 @@
 //! behind. Where every frame is waited for, a sink that blocks is given up after [`patience::STALL_PATIENCE`] in the
 //! middle of a run. Tests: `fan_tests.rs`.
 
-use crate::sink::line::{Loss, LossKind, SinkLine};
+use crate::report::SinkLine;
+use crate::sink::line::{Loss, LossKind};
 use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
 use base::patience::{self, LOOK, Patience, QUEUE_LOOK};
 use base::{clock::Stopwatch, time::Span};

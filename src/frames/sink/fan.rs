@@ -13,8 +13,9 @@
 //! when a run never began. Memory: buffers times (2 bytes a pixel and the truth table) per sink, all of it at the
 //! start. Tests: `fan_tests.rs`, `tests/closed_loop/sinks.rs`.
 
+use crate::report::SinkLine;
 use crate::sink::branch::{Branch, BranchParams, wait_for};
-use crate::sink::line::{Loss, SinkLine};
+use crate::sink::line::Loss;
 use crate::sink::tally::Tally;
 use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
 

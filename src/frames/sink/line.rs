@@ -1,40 +1,7 @@
-//! The result of one sink among several: a line of the run summary.
-//!
-//! Every frame that was given to the sinks is counted in each line once: taken, refused or dropped.
+//! The lines of sinks in the run summary as they end, and the frames that they lost.
 
+use crate::report::SinkLine;
 use crate::sink::{Sink, SinkSummary};
-use base::time::Span;
-
-/// One sink of a run that is over.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct SinkLine {
-    /// Place in the bench that names it: `sink`, `extra_sink[0]`, ...
-    pub place: String,
-    /// The sink's name.
-    pub kind: &'static str,
-    /// Frames it took.
-    pub frames: u64,
-    /// Frames it got no chance to take: it was too slow, or its thread was lost.
-    pub dropped: u64,
-    /// Frames it failed on.
-    pub refused: u64,
-    /// Bytes it brought out.
-    pub bytes: u64,
-    /// CRC-32 over the frames it took; `None` when it could not finish.
-    pub run_crc32: Option<u32>,
-    /// Folder, file or address of the frames.
-    pub output: Option<String>,
-    /// Its first failure in words; of a frame, or of its end.
-    pub first_error: Option<String>,
-    /// True when it broke down (a panic) or was given up because it blocked, and took nothing from then on.
-    pub is_lost: bool,
-    /// Handed to the sinks to taken by this one, wall time, mean; zero when nothing waits between the two.
-    pub mean_delay: Span,
-    /// The longest of these.
-    pub longest_delay: Span,
-    /// Numbers of its own ([`Sink::counts`]).
-    pub counts: Vec<(&'static str, u64)>,
-}
 
 impl SinkLine {
     /// Returns the line of a sink that is alone.
@@ -44,11 +11,6 @@ impl SinkLine {
             line.take_summary(summary);
         }
         line
-    }
-
-    /// Returns true if a frame was refused, or the sink failed in another way: a drop alone does not count.
-    pub fn has_failed(&self) -> bool {
-        self.first_error.is_some() || self.is_lost || self.refused > 0
     }
 
     pub(super) fn take_summary(&mut self, summary: &SinkSummary) {

@@ -48,6 +48,7 @@ pub mod tee;
 pub mod truth;
 pub mod wcs;
 
+pub use crate::report::SinkLine;
 pub use active_fault::{ActiveFault, ActiveFaults, Amount};
 pub use alone::Alone;
 pub use atomic::{replace_own_file, write_file_atomically, write_new_file};
@@ -58,7 +59,7 @@ pub use fault_pixels::{DefectSpots, FaultPixels};
 pub use faults::FaultFlags;
 pub use frame::{CameraFacts, FrameMeta, SentFrame, TruthKind, TruthStar};
 pub use frame_fault::{FrameFault, PixelFault, PixelsOf, ProtonStorm};
-pub use line::{Loss, LossKind, SinkLine, sink_lines};
+pub use line::{Loss, LossKind, sink_lines};
 pub use null::NullSink;
 pub use recorder::{Recorder, RecorderOptions};
 pub use tap::{Tap, TapEnd, tap};

@@ -324,7 +324,7 @@ mod tests {
         fs::write(&victim, "precious").unwrap();
         let mut recorder = Recorder::create(directory.path().join("run"), EVERYTHING).unwrap();
         let path = |number: u32| frame_path(&directory.path().join("run"), number, "fits");
-        nix::unistd::mkfifo(&path(1), nix::sys::stat::Mode::S_IRWXU).unwrap();
+        rustix::fs::mkfifoat(rustix::fs::CWD, path(1), rustix::fs::Mode::RWXU).unwrap();
         std::os::unix::fs::symlink(&victim, path(2)).unwrap();
         fs::write(path(3), "a stranger's").unwrap();
         for number in 1..=3 {

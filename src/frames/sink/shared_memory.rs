@@ -33,6 +33,7 @@
 use crate::sink::facts::{FactSource, Place, Scalar, Stored, TABLE};
 use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
 use crate::sink::{atomic::temporary_beside, crc32::pixel_crc32, tally::Tally};
+use base::file_lock;
 use bytemuck::{Pod, Zeroable};
 use core::mem::offset_of;
 #[cfg(feature = "iceoryx2")]
@@ -169,7 +170,7 @@ impl SharedMemory {
         };
         let temporary = temporary_beside(&path).map_err(failed)?;
         let file = OpenOptions::new().read(true).write(true).open(temporary.path()).map_err(failed)?;
-        if !take_lock(&file).map_err(failed)? {
+        if !file_lock::take(&file, LOCKED_BYTE, 1).map_err(failed)? {
             return Err(SinkError::InUse { path });
         }
         let made = Self { path: path.clone(), file, head, bytes: 0, is_cut: false, tally: Tally::default() };
@@ -244,27 +245,13 @@ fn remove_left(path: &Path) -> Result<(), SinkError> {
         return Err(SinkError::NotShared { path: path.into() });
     }
     // A writer that lives holds its lock; one that was quicker than we are has another file there by now.
-    if !take_lock(&left).map_err(failed)? || !has_name(&left, path) {
+    if !file_lock::take(&left, LOCKED_BYTE, 1).map_err(failed)? || !has_name(&left, path) {
         return Err(SinkError::InUse { path: path.into() });
     }
     fs::remove_file(path).map_err(failed)
 }
 
-/// Takes the writer's lock of a ring; false when another writer has it. It goes with the file's last descriptor.
-fn take_lock(file: &File) -> io::Result<bool> {
-    use nix::fcntl::{FcntlArg, fcntl};
-    use nix::{errno::Errno, libc};
-    let whence = i16::try_from(libc::SEEK_SET).unwrap_or_default();
-    let kind = i16::try_from(libc::F_WRLCK).unwrap_or_default();
-    let lock = libc::flock { l_type: kind, l_whence: whence, l_start: LOCKED_BYTE, l_len: 1, l_pid: 0 };
-    match fcntl(file, FcntlArg::F_OFD_SETLK(&lock)) {
-        Ok(_) => Ok(true),
-        Err(Errno::EAGAIN | Errno::EACCES) => Ok(false),
-        Err(error) => Err(error.into()),
-    }
-}
-
-/// The byte that the writer locks: behind every ring's end.
+/// The byte that the writer of a ring locks: behind every ring's end.
 const LOCKED_BYTE: i64 = 1 << 62;
 
 /// Returns true if the open file is the one with the name.
@@ -521,7 +508,7 @@ mod tests {
     fn pipe_link_and_directory_are_refused_without_a_wait() {
         let directory = tempfile::tempdir().unwrap();
         let names = ["pipe", "link", "directory"].map(|name| directory.path().join(name));
-        nix::unistd::mkfifo(&names[0], nix::sys::stat::Mode::S_IRWXU).unwrap();
+        rustix::fs::mkfifoat(rustix::fs::CWD, &names[0], rustix::fs::Mode::RWXU).unwrap();
         let ring = SharedMemory::create(directory.path().join("ring"), [4, 4], 1).unwrap();
         std::os::unix::fs::symlink(&ring.path, &names[1]).unwrap();
         fs::create_dir(&names[2]).unwrap();

@@ -6,7 +6,7 @@
 //! refused.
 
 use super::clock::SpacecraftClock;
-use super::daf::{Daf, Summary, whole};
+use super::daf::{Daf, Summary, uncountable, whole};
 use super::{axes_from_icrf, chosen};
 use crate::attitude::{AttitudeHistory, AttitudeSegment, Times, Unfit, is_slow_enough};
 use crate::attitude_methods::{AttitudeInterpolation, s_between};
@@ -61,19 +61,14 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    fn broken(&self) -> HistoryError {
-        self.source
-            .whole("the counts of a segment do not fit its length; wanted a whole file: copy it again, in binary")
-    }
-
     fn type_3(&self, words: &[f64], width: usize, summary: &Summary) -> Result<Vec<AttitudeSegment>, HistoryError> {
-        let [.., intervals, rows] = words else { return Err(self.broken()) };
+        let [.., intervals, rows] = words else { return Err(uncountable(self.source)) };
         let [intervals, rows] = [*intervals, *rows].map(whole);
         let sizes = [rows.checked_mul(width), Some(rows), rows.checked_sub(1).map(|n| n / DIRECTORY)];
         let ends = [Some(intervals), intervals.checked_sub(1).map(|n| n / DIRECTORY), Some(2)];
         let total = sizes.into_iter().chain(ends).try_fold(0_usize, |sum, size| sum.checked_add(size?));
         if total != Some(words.len()) {
-            return Err(self.broken());
+            return Err(uncountable(self.source));
         }
         let (records, rest) = words.split_at(rows * width);
         let (ticks, rest) = rest.split_at(rows);
@@ -98,7 +93,7 @@ impl Reader<'_> {
         // Ten words a record, and one more for each hundred.
         let count = (words.len() * DIRECTORY + DIRECTORY) / (10 * DIRECTORY + 1);
         if count == 0 || 10 * count + (count - 1) / DIRECTORY != words.len() {
-            return Err(self.broken());
+            return Err(uncountable(self.source));
         }
         let (records, rest) = words.split_at(8 * count);
         let (starts, rest) = rest.split_at(count);

@@ -108,6 +108,11 @@ impl<'a> Daf<'a> {
     }
 }
 
+/// Returns the refusal of a segment whose counts do not fit its length.
+pub(super) fn uncountable(source: &Source<'_>) -> HistoryError {
+    source.whole("the counts of a segment do not fit its length; wanted a whole file: copy it again, in binary")
+}
+
 /// Returns a count that a kernel keeps as a double; any other number becomes too large for any segment.
 pub(super) fn whole(value: f64) -> usize {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked in the condition")]

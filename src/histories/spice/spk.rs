@@ -4,7 +4,7 @@
 //! and are evaluated as they are (`chebyshev`).
 
 use super::clock::EarthTime;
-use super::daf::{Daf, Summary, whole};
+use super::daf::{Daf, Summary, uncountable, whole};
 use super::{axes_from_icrf, chosen};
 use crate::chebyshev::{ChebyshevSeries, Record};
 use crate::error::{HistoryError, Source};
@@ -84,11 +84,6 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    fn broken(&self) -> HistoryError {
-        self.source
-            .whole("the counts of a segment do not fit its length; wanted a whole file: copy it again, in binary")
-    }
-
     fn in_icrf(&self, [x, y, z]: [f64; 3]) -> DVec3 {
         let v = DVec3::new(x, y, z);
         self.axes_from_icrf.map_or(v, |axes| axes.conjugate() * v)
@@ -101,7 +96,7 @@ impl Reader<'_> {
     }
 
     fn state(&self, et_s: f64, values: &[f64]) -> Result<OrbitState, HistoryError> {
-        let [x, y, z, vx, vy, vz] = *values else { return Err(self.broken()) };
+        let [x, y, z, vx, vy, vz] = *values else { return Err(uncountable(self.source)) };
         let [position_km, velocity_km_s] = [[x, y, z], [vx, vy, vz]].map(|v| self.in_icrf(v));
         if !(position_km.is_finite() && velocity_km_s.is_finite()) {
             return Err(self.source.whole(format!("the state at {et_s} s after J2000 is not finite; wanted numbers")));
@@ -126,13 +121,13 @@ impl Reader<'_> {
         method: fn(usize) -> Result<OrbitInterpolation, String>,
         summary: &Summary,
     ) -> Result<OrbitSegment, HistoryError> {
-        let [.., degree, count] = words else { return Err(self.broken()) };
+        let [.., degree, count] = words else { return Err(uncountable(self.source)) };
         let [degree, count] = [*degree, *count].map(whole);
         let directory = count.checked_sub(1).map(|n| n / DIRECTORY);
         let total = count.checked_mul(7).zip(directory).and_then(|(rows, more)| rows.checked_add(more + 2));
         // Older writers have a directory entry for a full last hundred, too.
         if !total.is_some_and(|total| total == words.len() || total + 1 == words.len()) {
-            return Err(self.broken());
+            return Err(uncountable(self.source));
         }
         let method = method(degree).map_err(|why| self.source.whole(format!("a segment with polynomials of {why}")))?;
         let (states, epochs) = words.split_at(6 * count);
@@ -143,17 +138,17 @@ impl Reader<'_> {
 
     /// Types 2 and 3: records of middle, half length and coefficients; then begin, length, size and count of records.
     fn chebyshev(&self, words: &[f64], series: usize, summary: &Summary) -> Result<OrbitSegment, HistoryError> {
-        let [.., size, count] = words else { return Err(self.broken()) };
+        let [.., size, count] = words else { return Err(uncountable(self.source)) };
         let [size, count] = [*size, *count].map(whole);
         let fits = size.checked_mul(count).and_then(|n| n.checked_add(4)) == Some(words.len());
         let terms = size.saturating_sub(2) / series;
         if !fits || count == 0 || terms == 0 || terms * series + 2 != size {
-            return Err(self.broken());
+            return Err(uncountable(self.source));
         }
         let record = |record: &[f64]| {
             let (middle_s, half_s, numbers) = (record[0], record[1], &record[2..]);
             if !(half_s.is_finite() && half_s > 0.0 && numbers.iter().all(|number| number.is_finite())) {
-                return Err(self.broken());
+                return Err(uncountable(self.source));
             }
             let part = |first: usize| {
                 let coefficient =
@@ -164,7 +159,7 @@ impl Reader<'_> {
             Ok(Record { t_ns, half_s, position: part(0), velocity: (series == 6).then(|| part(3)) })
         };
         let records = words.chunks_exact(size).take(count).map(record).collect::<Result<Vec<_>, _>>()?;
-        let series = ChebyshevSeries::new(records).ok_or_else(|| self.broken())?;
+        let series = ChebyshevSeries::new(records).ok_or_else(|| uncountable(self.source))?;
         OrbitSegment::of_series(series, self.usable_ns(summary)?).map_err(|unfit| self.unfit(&unfit))
     }
 }

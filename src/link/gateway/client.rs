@@ -13,20 +13,20 @@
 use super::counters::{CountsIfLost, Tally};
 use super::outgoing::{Flow, Outgoing};
 use super::{admission::Admission, screen::Screen};
+use crate::readiness::{Readiness, wait_for};
 use crate::simulated::{ErrorState, SimulatedLink};
 use crate::{Link, Packet, Stamped};
 use base::clock::Clock;
 use base::time::{Span, Tai};
 use core::sync::atomic::{AtomicBool, AtomicI64, Ordering};
 use firmware_protocol::can::CanFrame;
-use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use rustix::{event, io::Errno, net::Shutdown, termios::QueueSelector};
 use std::os::fd::{AsFd, OwnedFd};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::thread::JoinHandle;
 
 /// Interval at which a waiting thread checks for its end.
-pub(super) const LOOK_MS: u16 = 100;
+pub(super) const LOOK_MS: i64 = 100;
 /// Between two tries to write to a client that has not read.
 const RETRY: Span = Span::from_ms(2);
 /// Between two looks at a full transmit queue.
@@ -265,7 +265,7 @@ impl Client {
         while !self.is_over() {
             let now = self.clock.now();
             let starts_in = self.listening.starts_in(now);
-            let look = Span::from_ms(i64::from(LOOK_MS));
+            let look = Span::from_ms(LOOK_MS);
             if starts_in > Span::ZERO && starts_in < look {
                 // Opened, and quiet for a moment more: frames wait at the end of the bus.
                 self.clock.sleep_until(now + starts_in);
@@ -312,8 +312,7 @@ impl Client {
 
 /// Waits for input for a moment; true when there is some, or the other end is gone.
 pub(super) fn is_readable(fd: &impl AsFd) -> bool {
-    let mut fds = [PollFd::new(fd.as_fd(), PollFlags::POLLIN)];
-    poll(&mut fds, PollTimeout::from(LOOK_MS)).is_ok_and(|ready| ready > 0)
+    wait_for(fd.as_fd(), Readiness::Read, Span::from_ms(LOOK_MS)).unwrap_or(false)
 }
 
 /// A client that is served.

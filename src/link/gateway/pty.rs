@@ -7,8 +7,6 @@ use super::{counters::Tally, refusal::system, slcan};
 use crate::{LinkError, serial::PseudoTerminal, simulated::SimulatedBus};
 use base::{clock::Clock, time::Span};
 use core::sync::atomic::{AtomicBool, Ordering};
-use nix::fcntl::{FcntlArg, fcntl};
-use nix::libc;
 use rustix::fs::{Mode, OFlags};
 use rustix::io::Errno;
 use std::path::{Path, PathBuf};
@@ -100,19 +98,9 @@ pub(super) fn open(
     Ok(Pty { link, thread })
 }
 
-/// Marks a PTY as served for as long as its device end is open: by a lock of the open file, which the line's users do
-/// not look at (they use `flock`, if any) and which the system releases however the program ends.
-fn lock(device_end: &OwnedFd) -> std::io::Result<()> {
-    #[allow(clippy::cast_possible_truncation, reason = "small constants, which the system takes as short ones")]
-    const WHOLE: libc::flock = libc::flock {
-        l_type: libc::F_WRLCK as libc::c_short,
-        l_whence: libc::SEEK_SET as libc::c_short,
-        l_start: 0,
-        l_len: 0,
-        l_pid: 0,
-    };
-    fcntl(device_end, FcntlArg::F_OFD_SETLK(&WHOLE))?;
-    Ok(())
+/// Marks a PTY as served for as long as its device end is open; false when another run serves it.
+fn lock(device_end: &OwnedFd) -> std::io::Result<bool> {
+    base::file_lock::take(device_end, 0, 0)
 }
 
 /// Returns whether `path` is a link to a PTY that another run serves; `None` when it is not a link to a PTY. `ours` has
@@ -123,7 +111,7 @@ fn is_live_link(path: &Path, ours: &Path) -> Option<bool> {
         return Some(false);
     }
     match rustix::fs::open(&device, OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC, Mode::empty()) {
-        Ok(device_end) => Some(lock(&device_end).is_err()),
+        Ok(device_end) => Some(!lock(&device_end).unwrap_or(false)),
         // Nothing there, or the number of a PTY whose other end is closed: its run is over.
         Err(Errno::NOENT | Errno::NXIO | Errno::IO) => Some(false),
         // It belongs to another program.

@@ -10,7 +10,7 @@ use super::refusal::system;
 use crate::{LinkError, simulated::SimulatedBus};
 use base::{clock::Clock, time::Span};
 use core::sync::atomic::{AtomicBool, Ordering};
-use nix::sys::socket::{setsockopt, sockopt};
+use rustix::net::sockopt::set_socket_send_buffer_size;
 use std::io::{Read, Write};
 use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
 use std::{sync::Arc, thread::JoinHandle, time::Duration};
@@ -131,7 +131,7 @@ impl Hall {
     fn serve(&self, stream: TcpStream) -> std::io::Result<Served> {
         stream.set_nodelay(true)?;
         stream.set_nonblocking(true)?;
-        setsockopt(&stream, sockopt::SndBuf, &KERNEL_BYTES)?;
+        set_socket_send_buffer_size(&stream, KERNEL_BYTES)?;
         keep_alive(&stream)?;
         let parts = ClientParts {
             fd: stream.into(),
@@ -153,8 +153,8 @@ impl Hall {
         self.tally.lock().refused += 1;
         let mut announce = || {
             stream.set_nonblocking(false)?;
-            stream.set_read_timeout(Some(Duration::from_millis(u64::from(LOOK_MS))))?;
-            stream.set_write_timeout(Some(Duration::from_millis(u64::from(LOOK_MS))))?;
+            stream.set_read_timeout(Some(Duration::from_millis(LOOK_MS.unsigned_abs())))?;
+            stream.set_write_timeout(Some(Duration::from_millis(LOOK_MS.unsigned_abs())))?;
             stream.write_all(self.protocol.full)?;
             stream.shutdown(Shutdown::Write)?;
             let mut said = [0; 256];

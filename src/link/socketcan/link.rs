@@ -8,7 +8,7 @@ use crate::{Link, LinkCounters, LinkError, Packet, Stamped};
 use base::clock::{Clock, PairedReading};
 use base::time::Tai;
 use firmware_protocol::can::CanFrame;
-use nix::errno::Errno;
+use rustix::io::Errno;
 use std::{io, sync::Arc};
 
 /// Error frames read in a row before the limit is looked at again: a storm of them ends no wait late.
@@ -185,14 +185,11 @@ impl Link for SocketCanLink {
 
 /// Returns true if the queue of the interface or of the socket is full.
 fn is_full(error: &io::Error) -> bool {
-    matches!(errno(error), Errno::ENOBUFS | Errno::EAGAIN | Errno::EINTR)
+    matches!(Errno::from_io_error(error), Some(Errno::NOBUFS | Errno::AGAIN | Errno::INTR))
 }
 
 /// Returns true if the interface is down or gone.
 fn is_lost(error: &io::Error) -> bool {
-    matches!(errno(error), Errno::ENETDOWN | Errno::ENODEV | Errno::ENXIO | Errno::ENETUNREACH)
-}
-
-fn errno(error: &io::Error) -> Errno {
-    Errno::from_raw(error.raw_os_error().unwrap_or(0))
+    let lost = [Errno::NETDOWN, Errno::NODEV, Errno::NXIO, Errno::NETUNREACH];
+    Errno::from_io_error(error).is_some_and(|error| lost.contains(&error))
 }

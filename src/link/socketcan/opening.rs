@@ -1,8 +1,8 @@
 //! Name of an interface -> a bound socket with every option set, or the reason and advice.
 
 use super::{SocketCanParams, filters::filters, raw_frame::FD_BYTES};
-use crate::LinkError;
-use nix::sys::socket::sockopt::{RcvBuf, RcvBufForce, RxqOvfl, SocketError, Timestamping};
+use crate::{LinkError, receive_buffer};
+use nix::sys::socket::sockopt::{RxqOvfl, SocketError, Timestamping};
 use nix::sys::socket::{
     AddressFamily, SockFlag, SockProtocol, SockType, TimestampingFlag, getsockopt, setsockopt, socket,
 };
@@ -10,9 +10,6 @@ use socketcan::id::ERR_MASK_ALL;
 use socketcan::socket::{CAN_RAW_FD_FRAMES, SOL_CAN_RAW};
 use socketcan::{CanAddr, CanFdSocket, Socket as _, SocketOptions as _};
 use std::io;
-
-/// Receive buffer asked for: some 3,000 frames, a quarter of a second of a full 1 Mbit/s bus of short frames.
-const RECEIVE_BUFFER_BYTES: usize = 4 << 20;
 
 const NO_CAN: &str = "; this kernel has no CAN: `modprobe can_raw`, and `modprobe vcan` for a virtual bus";
 const NO_INTERFACE: &str = "; see `ip link show type can`, bring one up with `ip link set can0 up type can bitrate \
@@ -69,7 +66,7 @@ fn set_options(socket: &CanFdSocket, params: &SocketCanParams) -> io::Result<()>
     socket.set_socket_option_int(SOL_CAN_RAW, CAN_RAW_FD_FRAMES, i32::from(params.fd))?;
     setsockopt(socket, Timestamping, &stamps_wanted())?;
     setsockopt(socket, RxqOvfl, &1)?;
-    enlarge_receive_buffer(socket)
+    receive_buffer::enlarge(socket)
 }
 
 /// Returns the adapter's raw stamp where there is one; the kernel's always.
@@ -78,14 +75,6 @@ fn stamps_wanted() -> TimestampingFlag {
         | TimestampingFlag::SOF_TIMESTAMPING_SOFTWARE
         | TimestampingFlag::SOF_TIMESTAMPING_RX_HARDWARE
         | TimestampingFlag::SOF_TIMESTAMPING_RAW_HARDWARE
-}
-
-/// Enlarges the receive buffer: beyond the system's limit (`net.core.rmem_max`) where the rights suffice, else up to
-/// it.
-fn enlarge_receive_buffer(socket: &CanFdSocket) -> io::Result<()> {
-    setsockopt(socket, RcvBufForce, &RECEIVE_BUFFER_BYTES)
-        .or_else(|_| setsockopt(socket, RcvBuf, &RECEIVE_BUFFER_BYTES))
-        .map_err(Into::into)
 }
 
 /// Returns the MTU of an interface; `None` where the system does not show it: then the first FD frame is refused.

@@ -3,11 +3,11 @@
 use super::raw_frame::{self, FD_BYTES, RawFrame};
 use super::{SocketCanParams, opening::open};
 use crate::LinkError;
+use crate::kernel_stamp::nonzero_ns;
 use crate::readiness::{Readiness, wait_for};
 use base::time::Span;
 use firmware_protocol::can::CanFrame;
 use nix::sys::socket::{ControlMessageOwned, MsgFlags, Timestamps, recvmsg};
-use nix::sys::time::TimeSpec;
 use socketcan::CanFdSocket;
 use std::io::{self, IoSliceMut};
 use std::os::fd::{AsFd, AsRawFd};
@@ -84,9 +84,4 @@ impl Received {
         self.kernel_ns = nonzero_ns(stamps.system);
         self.hardware_ns = nonzero_ns(stamps.hw_raw);
     }
-}
-
-fn nonzero_ns(stamp: TimeSpec) -> Option<i64> {
-    let ns = stamp.tv_sec().checked_mul(1_000_000_000)?.checked_add(stamp.tv_nsec())?;
-    (ns != 0).then_some(ns)
 }

@@ -2,15 +2,14 @@
 
 use crate::readiness::{Readiness, wait_for};
 use base::time::Span;
-use nix::sys::socket::setsockopt;
-use nix::sys::socket::sockopt::{KeepAlive, TcpKeepCount, TcpKeepIdle, TcpKeepInterval};
+use rustix::net::sockopt::{set_socket_keepalive, set_tcp_keepcnt, set_tcp_keepidle, set_tcp_keepintvl};
 use std::io::{self, ErrorKind, Read, Write};
-use std::{net::TcpStream, os::fd::AsFd};
+use std::{net::TcpStream, os::fd::AsFd, time::Duration};
 
 /// A client that reads nothing for this long is given up.
 const WRITE_LIMIT: Span = Span::from_ms(50);
 /// A connection whose other end is silently gone is found to be lost after some 8 s.
-const KEEP_IDLE_S: u32 = 5;
+const KEEP_IDLE: Duration = Duration::from_secs(5);
 
 /// One connection.
 pub(super) struct Stream {
@@ -72,11 +71,10 @@ impl Stream {
 /// # Errors
 /// When the connection is gone already.
 pub fn keep_alive(stream: &TcpStream) -> io::Result<()> {
-    setsockopt(stream, KeepAlive, &true)?;
-    setsockopt(stream, TcpKeepIdle, &KEEP_IDLE_S)?;
-    setsockopt(stream, TcpKeepInterval, &1)?;
-    setsockopt(stream, TcpKeepCount, &3)?;
-    Ok(())
+    set_socket_keepalive(stream, true)?;
+    set_tcp_keepidle(stream, KEEP_IDLE)?;
+    set_tcp_keepintvl(stream, Duration::from_secs(1))?;
+    Ok(set_tcp_keepcnt(stream, 3)?)
 }
 
 impl AsFd for Stream {

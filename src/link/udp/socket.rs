@@ -1,17 +1,15 @@
 //! One UDP socket: datagrams with their sender, the kernel's stamps and its count of drops.
 
+use crate::kernel_stamp::nonzero_ns;
 use crate::readiness::{Readiness, wait_for};
-use crate::{DATAGRAM_MAX, Datagram};
+use crate::{DATAGRAM_MAX, Datagram, receive_buffer};
 use base::time::Span;
-use nix::sys::socket::sockopt::{RcvBuf, RcvBufForce, ReceiveTimestampns, RxqOvfl};
+use nix::sys::socket::sockopt::{ReceiveTimestampns, RxqOvfl};
 use nix::sys::socket::{ControlMessageOwned, MsgFlags, SockaddrStorage, recvmsg, setsockopt};
-use nix::sys::time::TimeSpec;
 use std::io::{self, IoSliceMut};
 use std::net::{SocketAddr, SocketAddrV4, SocketAddrV6, UdpSocket};
 use std::os::fd::{AsFd, AsRawFd};
 
-/// Receive buffer asked for: seconds of any sender that a bench has.
-const RECEIVE_BUFFER_BYTES: usize = 4 << 20;
 /// Bytes for the requested control messages: one stamp and the count of drops.
 const CONTROL_BYTES: usize = 128;
 
@@ -39,9 +37,7 @@ impl Socket {
         inner.set_nonblocking(true)?;
         setsockopt(&inner, ReceiveTimestampns, &true)?;
         setsockopt(&inner, RxqOvfl, &1)?;
-        // Beyond the system's limit where the rights suffice, else up to it.
-        setsockopt(&inner, RcvBufForce, &RECEIVE_BUFFER_BYTES)
-            .or_else(|_| setsockopt(&inner, RcvBuf, &RECEIVE_BUFFER_BYTES))?;
+        receive_buffer::enlarge(&inner)?;
         Ok(Self { inner, control: Box::new([0; CONTROL_BYTES]), drops: 0 })
     }
 
@@ -89,9 +85,4 @@ impl Socket {
 fn address_of(address: &SockaddrStorage) -> Option<SocketAddr> {
     let v4 = address.as_sockaddr_in().map(|v4| SocketAddr::V4(SocketAddrV4::from(*v4)));
     v4.or_else(|| address.as_sockaddr_in6().map(|v6| SocketAddr::V6(SocketAddrV6::from(*v6))))
-}
-
-fn nonzero_ns(stamp: TimeSpec) -> Option<i64> {
-    let ns = stamp.tv_sec().checked_mul(1_000_000_000)?.checked_add(stamp.tv_nsec())?;
-    (ns != 0).then_some(ns)
 }

@@ -6,29 +6,29 @@ use core::sync::atomic::{AtomicU64, Ordering};
 
 /// Counts at one instant. Each is read by itself: sums may differ by one while frames are on their way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Counts {
+pub struct Counts<N = u64> {
     /// New frames handed to the graphics driver.
-    pub presented: u64,
+    pub presented: N,
     /// Refreshes that showed the frame before once more, because no new one was available.
-    pub repeated: u64,
+    pub repeated: N,
     /// Frames that a newer one replaced before they were shown.
-    pub replaced: u64,
+    pub replaced: N,
     /// Refreshes that came more than one and a half refresh times after the one before: one or more were missed.
-    pub late: u64,
+    pub late: N,
     /// Frames that were not shown as the monitor was away or the window closed.
-    pub unseen: u64,
+    pub unseen: N,
     /// Times the surface was lost and made again.
-    pub lost_surface: u64,
+    pub lost_surface: N,
     /// Times the surface was configured again, because the window changed its size or the driver asked for it.
-    pub reconfigured: u64,
+    pub reconfigured: N,
     /// Times the monitor went away.
-    pub monitor_lost: u64,
+    pub monitor_lost: N,
     /// Times it came back.
-    pub monitor_regained: u64,
+    pub monitor_regained: N,
     /// Submit times that were not read in time.
-    pub submits_lost: u64,
+    pub submits_lost: N,
     /// Pixels of presented frames that wanted more light than the display has there, and show its most.
-    pub clipped_px: u64,
+    pub clipped_px: N,
 }
 
 impl fmt::Display for Counts {
@@ -51,20 +51,7 @@ impl fmt::Display for Counts {
 }
 
 /// The same, shared.
-#[derive(Debug, Default)]
-pub(super) struct Counters {
-    pub(super) presented: AtomicU64,
-    pub(super) repeated: AtomicU64,
-    pub(super) replaced: AtomicU64,
-    pub(super) late: AtomicU64,
-    pub(super) unseen: AtomicU64,
-    pub(super) lost_surface: AtomicU64,
-    pub(super) reconfigured: AtomicU64,
-    pub(super) monitor_lost: AtomicU64,
-    pub(super) monitor_regained: AtomicU64,
-    pub(super) submits_lost: AtomicU64,
-    pub(super) clipped_px: AtomicU64,
-}
+pub(super) type Counters = Counts<AtomicU64>;
 
 /// Adds one to a counter.
 pub(super) fn count(counter: &AtomicU64) {

@@ -54,7 +54,8 @@ pub struct FlatFit {
     pub outliers: usize,
 }
 
-fn exponents(degree: usize) -> impl Iterator<Item = (usize, usize)> {
+/// Returns the exponents of x and y of every term of a polynomial, in the order 1, x, y, x^2, x y, y^2 ...
+pub(in crate::display) fn exponents(degree: usize) -> impl Iterator<Item = (usize, usize)> {
     (0..=degree).flat_map(|sum| (0..=sum).map(move |j| (sum - j, j)))
 }
 

@@ -10,7 +10,7 @@
 use crate::live::route::{SharedBoard, answer, lock};
 use hyper::{Request, body::Incoming, server::conn::http1, service::service_fn};
 use hyper_util::rt::{TokioIo, TokioTimer};
-use nix::sys::socket::{setsockopt, sockopt};
+use rustix::net::sockopt::set_socket_send_buffer_size;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::{collections::VecDeque, convert::Infallible, time::Duration};
 use tokio::net::{TcpListener, TcpStream};
@@ -133,7 +133,7 @@ impl Seats {
 
 async fn attend(stream: TcpStream, board: SharedBoard, seat: OwnedSemaphorePermit, (number, seating): (u64, Seating)) {
     let _ = stream.set_nodelay(true); // without it answers may be slower
-    let _ = setsockopt(&stream, sockopt::SndBuf, &KERNEL_BYTES); // without it the system may buffer more
+    let _ = set_socket_send_buffer_size(&stream, KERNEL_BYTES); // without it the system may buffer more
     let answering = service_fn(|request: Request<Incoming>| {
         seating.note_request(number);
         let board = Arc::clone(&board);

@@ -8,14 +8,14 @@ use crate::network_camera::device::{Answer, Device};
 use crate::network_camera::{gvcp::Resend, packets::TestOutlet, ptp::PtpClient, shared::Shared};
 use base::clock::Clock;
 use crossbeam_channel::Sender;
-use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use std::net::{SocketAddr, SocketAddrV4, UdpSocket};
-use std::{os::fd::AsFd, sync::Arc};
+use std::sync::Arc;
 
 /// Longest wait for a datagram, ms: how soon a silent controller is noticed.
-const LOOK_MS: u16 = 50;
+const LOOK_MS: i64 = 50;
 /// The same while events are wanted, ms: how late one leaves at most.
-const EVENT_LOOK_MS: u16 = 1;
+const EVENT_LOOK_MS: i64 = 1;
 /// An answer to a message has a header only.
 const MESSAGE_ANSWER_BYTES: usize = 64;
 /// Datagrams of one socket that are read in a row.
@@ -89,15 +89,11 @@ impl Listener {
     }
 
     fn wait(&self) {
-        let mut sockets: [Option<PollFd<'_>>; 4] = [None, None, None, None];
         let all = [&self.control, &self.messages].into_iter().chain(&self.broadcasts);
-        sockets
-            .iter_mut()
-            .zip(all)
-            .for_each(|(place, socket)| *place = Some(PollFd::new(socket.as_fd(), PollFlags::POLLIN)));
+        let mut sockets: Vec<PollFd<'_>> = all.map(|socket| PollFd::new(socket, PollFlags::IN)).collect();
         let look_ms = if self.device.has_messages() { EVENT_LOOK_MS } else { LOOK_MS };
-        let mut filled: Vec<PollFd<'_>> = sockets.into_iter().flatten().collect();
-        let _ = poll(&mut filled, PollTimeout::from(look_ms)); // the sockets are read in either case
+        let limit = Timespec { tv_sec: 0, tv_nsec: look_ms * 1_000_000 };
+        let _ = poll(&mut sockets, Some(&limit)); // the sockets are read in either case
     }
 
     fn act(&mut self, from: SocketAddrV4, answer: &Answer) {

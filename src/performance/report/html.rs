@@ -5,8 +5,8 @@ use super::words::{data_of, measured, missing, number, percent, rule};
 use super::{CaseRow, Report};
 use crate::requirements::{Outcome, Verdict};
 use crate::{assess::Assessment, metric::Metric, provenance::FileHash};
+use base::xml::escaped;
 use core::fmt::Write;
-use frames::report::xml::escaped;
 
 const STYLE: &str = "body{font:15px/1.45 Helvetica,Arial,'DejaVu Sans',sans-serif;color:#222;background:#fff;max-width:72em;margin:1.5em auto;padding:0 1em}\
 h1{font-size:1.25em;padding:.6em .8em;border-radius:4px;color:#fff}.met{background:#00694e}.open{background:#7a5a00}.broken{background:#a83a00}\

@@ -3,8 +3,8 @@
 use super::Report;
 use super::words::{measured, missing};
 use crate::requirements::{Judgement, Verdict};
+use base::xml::escaped;
 use core::fmt::Write;
-use frames::report::xml::escaped;
 
 /// Returns the document.
 pub fn to_junit(report: &Report) -> String {

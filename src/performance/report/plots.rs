@@ -28,10 +28,6 @@ pub(super) fn plots(report: &Report, assessment: &Assessment) -> Vec<String> {
     charts.iter().filter(|chart| chart.series.iter().any(|series| !series.points.is_empty())).map(to_svg).collect()
 }
 
-fn series(name: impl Into<String>, style: Style, group: usize, points: Vec<[f64; 2]>) -> Series {
-    Series { name: name.into(), style, group, points, marked: Vec::new() }
-}
-
 fn chart(title: impl Into<String>, x: Axis, y: Axis, series: Vec<Series>) -> Chart {
     Chart { title: title.into(), x, y, series, ring: String::new(), notes: Vec::new() }
 }
@@ -65,13 +61,13 @@ fn errors_in_time(case: &JudgedCase) -> Chart {
     let of = |axis: usize| thinned(with_gaps(case, |frame| Some([t_s(frame), frame.error_rad()?[axis] / ARCSEC])));
     let names = ["about x", "about y", "about the boresight"].into_iter().enumerate();
     // The boresight's error is the largest: behind the others.
-    let mut all: Vec<Series> = names.rev().map(|(axis, name)| series(name, Style::Line, axis, of(axis))).collect();
+    let mut all: Vec<Series> = names.rev().map(|(axis, name)| Series::new(name, Style::Line, axis, of(axis))).collect();
     let half_s = case.frames.first().map_or(0.0, |frame| 0.5 * frame.truth.exposure_s);
     let faults = with_gaps(case, |frame| frame.truth.has_fault.then(|| [t_s(frame), 0.0]));
     let faults: Vec<[f64; 2]> =
         faults.into_iter().flat_map(|[t_s, y]| [[t_s - half_s, y], [t_s + half_s, y]]).collect();
     if !faults.is_empty() {
-        all.push(series("commanded fault", Style::Front, 0, faults));
+        all.push(Series::new("commanded fault", Style::Front, 0, faults));
     }
     chart(format!("Error in time: {}", case.name), Axis::linear("time, s"), Axis::linear("error, arcsec"), all)
 }
@@ -84,8 +80,8 @@ fn across(cases: &[JudgedCase]) -> Chart {
         )
     };
     let all = vec![
-        series("lost in space", Style::Points, 1, of(&[Use::LostInSpace])),
-        series(
+        Series::new("lost in space", Style::Points, 1, of(&[Use::LostInSpace])),
+        Series::new(
             "inertial and grids",
             Style::Points,
             0,
@@ -110,8 +106,8 @@ fn cumulative(cases: &[JudgedCase]) -> Chart {
         thinned(values.into_iter().enumerate().map(|(i, value)| [value, (i + 1) as f64 / n]).collect())
     };
     let all = vec![
-        series("directional", Style::Line, 0, of(|error| error.x.hypot(error.y))),
-        series("rotational", Style::Line, 1, of(|error| error.z.abs())),
+        Series::new("directional", Style::Line, 0, of(|error| error.x.hypot(error.y))),
+        Series::new("rotational", Style::Line, 1, of(|error| error.z.abs())),
     ];
     chart("Share of attitudes with a smaller error", Axis::log("error, arcsec"), Axis::share("share"), all)
 }
@@ -126,7 +122,7 @@ fn acquisition(cases: &[JudgedCase]) -> Option<Chart> {
     let longest = groups.iter().map(|group| group.len()).max()?;
     let share = |frames: usize| found.partition_point(|at| *at < frames) as f64 / groups.len() as f64;
     let points = (0..=longest).map(|frames| [frames as f64, share(frames)]).collect();
-    let all = vec![series("found", Style::Line, 2, points)];
+    let all = vec![Series::new("found", Style::Line, 2, points)];
     let (x, y) = (Axis::linear("frames"), Axis::share("share of attitudes"));
     Some(chart("Acquisition from lost in space", x, y, all))
 }
@@ -146,8 +142,8 @@ fn ratios(report: &Report, cases: &[JudgedCase]) -> Option<Chart> {
     };
     let exposure = (0..=CURVE_POINTS).map(|i| last * f64::from(i) / f64::from(CURVE_POINTS)).map(|hz| [hz, sinc(hz)]);
     let all = vec![
-        series("measured", Style::Points, 0, measured),
-        series("exposure alone", Style::Line, 1, exposure.collect()),
+        Series::new("measured", Style::Points, 0, measured),
+        Series::new("exposure alone", Style::Line, 1, exposure.collect()),
     ];
     let (x, y) = (Axis::linear("frequency, Hz"), Axis::linear("output over line of sight"));
     Some(chart("Amplitude ratio", x, y, all))
@@ -171,13 +167,14 @@ fn sweeps(report: &Report) -> Vec<Chart> {
             let value = |case: &super::CaseRow| Some([swept(case)?.2, metric(report, id, &case.name)?.value]);
             cases.filter_map(value).collect()
         };
-        let tracking = vec![series("tracking probability", Style::Line, 0, of("tracking_probability"))];
+        let tracking = vec![Series::new("tracking probability", Style::Line, 0, of("tracking_probability"))];
         charts.push(chart(format!("{stem}: tracking"), Axis::linear(key), Axis::share("share of frames"), tracking));
         let noise = [
             ("across, per axis", "temporal_noise.directional_per_axis"),
             ("about the boresight", "temporal_noise.rotational"),
         ];
-        let noise = noise.into_iter().enumerate().map(|(group, (name, id))| series(name, Style::Line, group, of(id)));
+        let noise =
+            noise.into_iter().enumerate().map(|(group, (name, id))| Series::new(name, Style::Line, group, of(id)));
         let y = Axis { label: "1 sigma, arcsec".into(), scale: Scale::Log };
         charts.push(chart(format!("{stem}: temporal noise"), Axis::linear(key), y, noise.collect()));
     }

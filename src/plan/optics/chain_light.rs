@@ -8,6 +8,7 @@
 
 use crate::optics::mtf::{MtfChain, gaussian};
 use crate::optics::quadrature::gauss_legendre;
+use base::bisection::bisected;
 use core::f64::consts::TAU;
 
 /// Largest distance at which results are valid, px.
@@ -60,12 +61,8 @@ impl ChainLight {
         let profile: Vec<f64> = (0..=steps).map(|i| self.irradiance(f64::from(i) * STEP_PX)).collect();
         let half = 0.5 * profile.iter().copied().fold(0.0, f64::max);
         let Some(last) = profile.iter().rposition(|value| *value > half) else { return 0.0 };
-        let [mut low, mut high] = [last as f64 * STEP_PX, (last + 1) as f64 * STEP_PX];
-        for _ in 0..40 {
-            let middle = 0.5 * (low + high);
-            if self.irradiance(middle) > half { low = middle } else { high = middle }
-        }
-        low + high
+        let about = [last as f64 * STEP_PX, (last + 1) as f64 * STEP_PX];
+        2.0 * bisected(about, 40, |r| self.irradiance(r) > half)
     }
 }
 

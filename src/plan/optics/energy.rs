@@ -11,8 +11,9 @@
 //! Optical Engineering (2023), for energy on detector; ISO 15529 for the others. The tests compare closed forms with
 //! sums.
 
-use crate::optics::quadrature::{bisected, gauss_legendre, half_width, ringed};
+use crate::optics::quadrature::{gauss_legendre, half_width, ringed};
 use crate::optics::{PsfForm, PsfModel};
+use base::bisection::bisected;
 use core::f64::consts::{PI, TAU};
 
 /// Position of the star on its pixel.
@@ -88,7 +89,7 @@ pub fn seen_radius_px(psf: &PsfModel, share: f64, most_px: f64) -> Option<f64> {
     while low < most_px {
         let ring = within_ring(psf, low, low + STEP);
         if held + ring >= share {
-            return Some(bisected([low, low + STEP], |r| held + within_ring(psf, low, r) - share));
+            return Some(bisected([low, low + STEP], 50, |r| held + within_ring(psf, low, r) - share < 0.0));
         }
         (held, low) = (held + ring, low + STEP);
     }

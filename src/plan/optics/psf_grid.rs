@@ -8,6 +8,7 @@
 //! / 384` along each axis. Tests below compare it with a Gaussian's integrals.
 
 use crate::optics::{gaussian, image_spline::Spline};
+use base::bisection::halved;
 use core::f64::consts::PI;
 
 /// Largest reach of a footprint from its star, px: the wings of an Airy pattern beyond it are left out and reported as
@@ -343,11 +344,7 @@ fn core_sigma_px(curvature: f64) -> f64 {
         let most = (0..=STEPS).map(|i| second(f64::from(i) / f64::from(STEPS))).fold(0.0, f64::max);
         most / gaussian::cell(0.0, sigma)
     };
-    let (mut low, mut high) = (LEAST_CORE_PX, LARGEST_HALF_PX as f64);
-    for _ in 0..50 {
-        let middle = 0.5 * (low + high);
-        if of_gaussian(middle) > curvature { low = middle } else { high = middle }
-    }
+    let [low, _] = halved([LEAST_CORE_PX, LARGEST_HALF_PX as f64], 50, |sigma| of_gaussian(sigma) > curvature);
     low
 }
 

@@ -3,6 +3,7 @@
 //! Source: Abramowitz and Stegun, section 25.4.29. Exact for polynomials of degree `2 n - 1`; the tests below integrate
 //! such polynomials. Integrals and half widths of profiles that depend on the distance alone use them.
 
+use base::bisection::bisected;
 use core::cell::RefCell;
 
 /// One node: position in [-1/2, 1/2] and weight; weights sum to 1.
@@ -123,17 +124,7 @@ pub(super) fn half_width(step_px: f64, profile: impl Fn(f64) -> f64) -> f64 {
     while profile(low + step_px) > half && low < 1e3 {
         low += step_px;
     }
-    bisected([low, low + step_px], |r| half - profile(r))
-}
-
-/// Returns where a function that is negative at the first place becomes positive.
-pub(super) fn bisected(between: [f64; 2], f: impl Fn(f64) -> f64) -> f64 {
-    let [mut low, mut high] = between;
-    for _ in 0..50 {
-        let middle = 0.5 * (low + high);
-        if f(middle) < 0.0 { low = middle } else { high = middle }
-    }
-    0.5 * (low + high)
+    bisected([low, low + step_px], 50, |r| half - profile(r) < 0.0)
 }
 
 #[cfg(test)]

@@ -10,11 +10,12 @@
 //! Nothing but this value is stored; on the frame path a star costs one `powf` and at most one look-up.
 
 use crate::optics::{band::BandRadiometry, grey_map::GreyMap, photometry_v::mag_v, radiometry::Radiometry};
+use base::bisection::bisected;
 
 /// Brightest and faintest G between which a star of given electrons is searched.
 const MAG_RANGE: (f64, f64) = (-30.0, 40.0);
 /// Number of halvings of that range: to 1e-13 mag.
-const HALVINGS: usize = 50;
+const HALVINGS: u32 = 50;
 
 /// Magnitude to electrons.
 #[derive(Debug, Clone, PartialEq)]
@@ -69,15 +70,11 @@ impl StarLight {
     /// Returns the G magnitude of the star of this colour with this many electrons; `None` if there is none.
     pub fn mag_g_of_electrons(&self, electrons: f64, bp_rp: f64, exposure_s: f64) -> Option<f64> {
         let of = |mag_g: f64| self.electrons(mag_g, bp_rp, exposure_s);
-        let (mut bright, mut faint) = MAG_RANGE;
+        let (bright, faint) = MAG_RANGE;
         if !(of(faint)..=of(bright)).contains(&electrons) {
             return None;
         }
-        for _ in 0..HALVINGS {
-            let middle = 0.5 * (bright + faint);
-            if of(middle) >= electrons { bright = middle } else { faint = middle }
-        }
-        Some(0.5 * (bright + faint))
+        Some(bisected([bright, faint], HALVINGS, |mag_g| of(mag_g) >= electrons))
     }
 }
 

@@ -11,7 +11,8 @@
 
 use crate::runtime::error::RunError;
 use crate::runtime::imager::{BackendChoice, Imager};
-use base::{accuracy::AccuracyBudget, axes::Rotation, clock::Stopwatch, image::DnImage, random::philox, time::Tai};
+use base::{accuracy::AccuracyBudget, axes::Rotation, clock::Stopwatch, image::DnImage, least_squares::median};
+use base::{random::philox, time::Tai};
 use image::detector::{DetectorConditions, DetectorParams};
 use plan::attitude::LosPath;
 use plan::exposure::cost::{CostModel, Load};
@@ -203,7 +204,7 @@ fn measure(scene: &Scene, side_px: usize, repeats: usize, imager: &mut Imager) -
         spent_s += plan_ms * 1e-3 + watch.lap().s();
     }
     let plan = planner.latest();
-    let [render_ms, readout_ms] = [0, 1].map(|i| median(times.iter().map(|times| times[i]).collect()));
+    let [render_ms, readout_ms] = [0, 1].map(|i| median(&mut times.iter().map(|times| times[i]).collect::<Vec<_>>()));
     Ok(MeasuredScene {
         name: scene.name,
         side_px,
@@ -216,11 +217,6 @@ fn measure(scene: &Scene, side_px: usize, repeats: usize, imager: &mut Imager) -
         extent_px: plan.extent_px,
         moves: !plan.motion.is_still(),
     })
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
 }
 
 fn detector() -> DetectorParams {

@@ -63,7 +63,7 @@ pub use outside_tracker::{OutsideTracker, TrackerOutput};
 pub use params::{DeadlinePolicy, RunParams};
 pub use plant_sample::{PlantAttitude, PlantSample};
 pub use port_reading::PortReading;
-pub use record::{RunRecord, sink_rows};
+pub use record::RunRecord;
 pub use session::{Session, SessionParams, SessionStart};
 pub use slot::{Slot, Started};
 pub use triggers::FiredTrigger;

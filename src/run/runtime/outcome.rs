@@ -1,8 +1,7 @@
 //! How a run ended.
 
 use crate::runtime::ledger::{Event, EventKind, Ledger};
-use crate::runtime::record::{RunRecord, sink_rows};
-use crate::runtime::{error::RunError, port_reading::PortReading};
+use crate::runtime::{error::RunError, port_reading::PortReading, record::RunRecord};
 use base::time::{Span, Tai};
 use frames::report::Losses;
 use frames::sink::{SinkLine, SinkSummary};
@@ -26,7 +25,7 @@ pub struct RunOutcome {
 impl RunOutcome {
     /// Lists all losses: frames that a sink dropped or refused, sinks that could not be finished or failed, threads.
     pub fn losses(&self) -> Losses {
-        let mut losses = Losses::of_sinks(&sink_rows(&self.sinks));
+        let mut losses = Losses::of_sinks(&self.sinks);
         self.lost_threads.iter().for_each(|name| losses.note_thread(name));
         note_lost_reader(&mut losses, &self.record.ledger);
         losses

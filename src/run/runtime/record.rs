@@ -6,9 +6,9 @@ use base::time::{Span, Tai};
 use firmware_protocol::Reject;
 use frames::report::{
     CountHistogram, EVENTS_MAX, EventLine, FrameAccount, FrameCounts, FrameRecord, FrameRing, LinkCounts, Machine,
-    NewestEvent, RunLimits, RunNumbers, RunSummary, SinkRow, Stage, StageHistogram, StageHistograms, StageTimes,
+    NewestEvent, RunLimits, RunNumbers, RunSummary, Stage, StageHistogram, StageHistograms, StageTimes,
 };
-use frames::sink::{FaultFlags, FrameMeta, Loss, LossKind, SentFrame, SinkLine, SinkSummary};
+use frames::sink::{FaultFlags, FrameMeta, Loss, LossKind, SentFrame, SinkSummary};
 use plan::exposure::{Degradation, method::MethodName};
 use std::collections::BTreeMap;
 
@@ -288,26 +288,6 @@ fn count_port(counts: &mut LinkCounts, number: usize, port: &PortReading) {
 
 fn reject_name(reason: Reject) -> String {
     format!("{reason:?}")
-}
-
-/// Returns the summary row of each sink.
-pub fn sink_rows(sinks: &[SinkLine]) -> Vec<SinkRow> {
-    let row = |line: &SinkLine| SinkRow {
-        place: line.place.clone(),
-        sink: line.kind.into(),
-        frames: line.frames,
-        dropped: line.dropped,
-        refused: line.refused,
-        bytes: line.bytes,
-        run_crc32: line.run_crc32.map(|crc32| format!("{crc32:08x}")),
-        output: line.output.clone(),
-        first_error: line.first_error.clone(),
-        is_lost: line.is_lost,
-        mean_delay_ms: line.mean_delay.ms(),
-        longest_delay_ms: line.longest_delay.ms(),
-        counts: named(line.counts.iter().copied()),
-    };
-    sinks.iter().map(row).collect()
 }
 
 fn newest_event(event: &Event) -> NewestEvent {

@@ -10,12 +10,12 @@
 //! events of the file last. Tests: `tests/closed_loop`, above all `matrix`.
 
 use crate::runtime::{Hygiene, Imager};
-use crate::wiring::cable::{Cable, CableSetting};
+use crate::wiring::cable::CableSetting;
 use crate::wiring::fault_desk::{FaultDesk, in_order_of_placing};
 use crate::wiring::heads::{CostsHere, HeadSetting, RunHead, make_heads, take_sink};
 use crate::wiring::live_tap::{LiveOptions, LiveTap};
 use crate::wiring::memory::{RunForm, RunMemory};
-use crate::wiring::ports::{is_unreachable, needs_real_clock};
+use crate::wiring::ports::{Cable, is_unreachable, needs_real_clock};
 use crate::wiring::run_clock::{RunClock, RunClockKind};
 use crate::wiring::sinks::{directory_of_head, make_sinks};
 use crate::wiring::tracker_outs::{TrackerOuts, WaitingOut, tap_heads};

@@ -3,34 +3,16 @@
 //!
 //! A capture contains what the stimulator's ports receive: faults act before it.
 
-use crate::wiring::ports::{End, Ports, open_ports};
-use crate::wiring::{error::LoopError, replay::Recording, run_clock::RunClock};
-use crate::{runtime::edge_thread::TriggerChip, wiring::bench_parts};
+use crate::wiring::ports::{Cable, End, open_ports};
+use crate::wiring::{bench_parts, error::LoopError, replay::Recording, run_clock::RunClock};
 use config::{Action, Plant, Scenario};
 use frames::report::GatewayRow;
+use link::Link;
 use link::gateway::{GatewayAddress, GatewayCounters, GatewayKind, Gateways};
 use link::tap::{FaultControl, FaultyLink};
-use link::{Link, Port};
-use link::{pps::Pps, simulated::SimulatedBus};
 
 /// Stream of the seed for faults of the bus, so that faults, frames and sensors do not share numbers.
 const BUS_SEED: u64 = 0x6275_7300;
-
-/// An open cable.
-pub struct Cable {
-    /// The stimulator's ports; at least one.
-    pub near: Vec<Port>,
-    /// The simulated far end's port, until the far end takes it.
-    pub far: Option<Port>,
-    /// The simulated bus of the first link, where it is one.
-    pub bus: Option<SimulatedBus>,
-    /// Pulses of the flight computer's clock.
-    pub pulses: Option<Pps>,
-    /// Chips with lines that trigger cameras, until the run takes them.
-    pub chips: Vec<TriggerChip>,
-    gateways: Vec<Gateways>,
-    notes: Vec<String>,
-}
 
 /// Parameters for opening a cable.
 pub(super) struct CableSetting<'a> {
@@ -48,9 +30,7 @@ impl Cable {
     pub(super) fn open(setting: &CableSetting<'_>) -> Result<Self, LoopError> {
         let bench = &setting.scenario.bench;
         let mut tap = |end, link| setting.tapped(end, link);
-        let Ports { near, far, bus, pulses, chips, gateways, notes } =
-            open_ports(bench, &setting.clock.shared(), &mut tap)?;
-        Ok(Self { near, far, bus, pulses, chips, gateways, notes })
+        Ok(open_ports(bench, &setting.clock.shared(), &mut tap)?)
     }
 
     /// Returns the counters of the gateways, for the summary of a run.

@@ -14,22 +14,22 @@ use link::{Link as LinkEnd, LinkError, Port};
 use link::{pps::Pps, simulated::SimulatedBus, udp::UdpLink};
 use std::{path::Path, sync::Arc};
 
-/// The ports of a run.
-pub struct Ports {
-    /// Gateways to the simulated buses; they close when this is dropped.
-    pub gateways: Vec<Gateways>,
-    /// Pulses per second of the flight computer, if a link names a source.
-    pub pulses: Option<Pps>,
-    /// Chips with lines that trigger cameras.
-    pub chips: Vec<TriggerChip>,
-    /// The stimulator's: the bench's link, then its extra links.
+/// An open cable.
+pub struct Cable {
+    /// The stimulator's ports; at least one.
     pub near: Vec<Port>,
-    /// The simulated flight computer's port; `None` when the flight computer is external.
+    /// The simulated far end's port, until the far end takes it.
     pub far: Option<Port>,
     /// The simulated bus of the first link, where it is one.
     pub bus: Option<SimulatedBus>,
+    /// Pulses of the flight computer's clock.
+    pub pulses: Option<Pps>,
+    /// Chips with lines that trigger cameras, until the run takes them.
+    pub chips: Vec<TriggerChip>,
+    /// Gateways to the simulated buses; they close when this is dropped.
+    pub(super) gateways: Vec<Gateways>,
     /// Addresses of plain links for external simulators, in words.
-    pub notes: Vec<String>,
+    pub(super) notes: Vec<String>,
 }
 
 /// One end of one link.
@@ -48,23 +48,23 @@ pub type Tap<'a> = &'a mut dyn FnMut(End, Box<dyn LinkEnd>) -> Box<dyn LinkEnd>;
 ///
 /// # Errors
 /// When a link cannot be opened, with what to try.
-pub fn open_ports(bench: &Bench, clock: &Arc<dyn Clock>, tap: Tap<'_>) -> Result<Ports> {
+pub(super) fn open_ports(bench: &Bench, clock: &Arc<dyn Clock>, tap: Tap<'_>) -> Result<Cable> {
     let wants_far = !bench.flight_computer.is_external;
     let first = open(&bench.link, 0, wants_far, clock, tap).context("[link]")?;
     let (gateways, near, pulses) = (Vec::new(), Vec::new(), None);
     let chips = open_chips(bench, &**clock)?;
-    let mut ports = Ports { gateways, pulses, chips, near, far: first.far, bus: first.bus, notes: first.notes };
-    ports.near.push(first.near);
-    ports.gateways.extend(first.gateways);
+    let mut cable = Cable { gateways, pulses, chips, near, far: first.far, bus: first.bus, notes: first.notes };
+    cable.near.push(first.near);
+    cable.gateways.extend(first.gateways);
     for (i, link) in bench.extra_links.iter().enumerate() {
         let opened = open(link, i + 1, false, clock, tap).with_context(|| format!("[[extra_link]] {i}"))?;
         let longer_us = link.latency_us - bench.link.latency_us;
-        ports.near.push(opened.near.less_delay(Span::from_s(longer_us * 1e-6)));
-        ports.gateways.extend(opened.gateways);
+        cable.near.push(opened.near.less_delay(Span::from_s(longer_us * 1e-6)));
+        cable.gateways.extend(opened.gateways);
     }
     let source = core::iter::once(&bench.link).chain(&bench.extra_links).find_map(|link| link.pps.as_ref());
-    ports.pulses = source.map(|path| Pps::open(path, PairedReading::take(&**clock))).transpose()?;
-    Ok(ports)
+    cable.pulses = source.map(|path| Pps::open(path, PairedReading::take(&**clock))).transpose()?;
+    Ok(cable)
 }
 
 /// One open link.

@@ -11,7 +11,7 @@ use crate::runtime::{RunError, RunOutcome, RunRecord};
 use crate::wiring::run_end::{Flown, RunEnd, keep_first, losses};
 use crate::wiring::steering::{FarOrder, Orders};
 use crate::wiring::verdict::{Promise, limits};
-use crate::wiring::{assemble::Run, cable::Cable, error::LoopError, far_side::FarSide, replay::Recording};
+use crate::wiring::{assemble::Run, error::LoopError, far_side::FarSide, ports::Cable, replay::Recording};
 use crate::{runtime::error::FarEndError, runtime::real_time::run_in};
 use base::clock::{Clock, Monotonic};
 use base::time::Span;

@@ -1,6 +1,6 @@
 //! Results of a run, finished or in progress, and their expected values by linear theory.
 
-use crate::runtime::{EventKind, PortReading, RunError, RunParams, RunRecord, note_lost_reader, sink_rows};
+use crate::runtime::{EventKind, PortReading, RunError, RunParams, RunRecord, note_lost_reader};
 use crate::wiring::verdict::{CutShort, Facts, Promise, verdict};
 use crate::wiring::{assessment::Assessment, error::LoopError, faults::FaultLine, heads::RunHead, run_times::RunTimes};
 use base::time::{Span, Tai};
@@ -119,7 +119,7 @@ impl RunEnd {
         let mut summary = self.record.summary(&first.engine, &first.receiver, &self.ports, sink);
         (summary.verdict, summary.account) = (self.verdict(), self.account());
         summary.frames.scheduled = summary.account.scheduled();
-        summary.sinks = sink_rows(&self.sink_lines);
+        summary.sinks = self.sink_lines.clone();
         summary.losses = self.losses.clone();
         summary.gateways.clone_from(&self.gateways);
         summary
@@ -165,7 +165,7 @@ impl RunEnd {
 
 /// Returns all losses: frames that a sink dropped or refused, sinks that failed, the reader of stars.
 pub(super) fn losses(lines: &[SinkLine], record: &RunRecord) -> Losses {
-    let mut losses = Losses::of_sinks(&sink_rows(lines));
+    let mut losses = Losses::of_sinks(lines);
     note_lost_reader(&mut losses, &record.ledger);
     losses
 }

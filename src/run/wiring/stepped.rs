@@ -14,9 +14,8 @@ use crate::wiring::fault_desk::{FaultDesk, make_ready};
 use crate::wiring::run_end::{Flown, LoopView, RunEnd, keep_first, losses};
 use crate::wiring::verdict::{CutShort, Facts, Promise, limits, verdict};
 use crate::wiring::{
-    cable::Cable, error::LoopError, far_side::FarSide, faults::FaultLine, heads::RunHead,
-    outside_trackers::outside_trackers, run_clock::RunClock, run_times::RunTimes, taps::Taps,
-    tracker_outs::TrackerOuts,
+    error::LoopError, far_side::FarSide, faults::FaultLine, heads::RunHead, outside_trackers::outside_trackers,
+    ports::Cable, run_clock::RunClock, run_times::RunTimes, taps::Taps, tracker_outs::TrackerOuts,
 };
 use base::axes::{Body, Rotation, Sensor};
 use base::clock::{Clock, Virtual};

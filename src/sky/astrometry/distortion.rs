@@ -11,6 +11,7 @@
 //! a pixel. [`Domain`] holds the largest such disc. Test: `domain_ends_where_the_model_folds`.
 
 use super::distortion_polynomial::PolynomialDistortion;
+use base::bisection::halved;
 use glam::{DMat2, DVec2};
 
 /// Largest ideal radius considered: tan(85 deg), beyond any pinhole camera.
@@ -159,12 +160,9 @@ impl Domain {
             }
             !is_good
         });
-        let Some(mut bad) = bad else { return Self { radius: LARGEST_RADIUS } };
-        for _ in 0..HALVINGS {
-            let middle = f64::midpoint(good, bad);
-            if model.least_stretch(middle) > 0.0 { good = middle } else { bad = middle }
-        }
-        Self { radius: good }
+        let Some(bad) = bad else { return Self { radius: LARGEST_RADIUS } };
+        let [radius, _] = halved([good, bad], HALVINGS, |r| model.least_stretch(r) > 0.0);
+        Self { radius }
     }
 
     #[inline]

@@ -9,6 +9,7 @@
 //! the control frequency). Tests: `linear_tests.rs`, against a simulated double integrator with held, late torque.
 
 use super::{complex::Complex, filter::StructuralFilter, laws::Gains};
+use base::bisection::bisected;
 use core::f64::consts::TAU;
 
 /// Frequencies searched for the crossover, in units of the natural frequency, and steps per factor of ten.
@@ -93,7 +94,7 @@ impl PointingLoop {
         while above > wn * first {
             let below = above * factor;
             if excess(below) > 0.0 {
-                return Some(bisected(below, above, excess));
+                return Some(bisected([below, above], HALVINGS, |w_rad_s| excess(w_rad_s) > 0.0));
             }
             above = below;
         }
@@ -118,17 +119,4 @@ impl PointingLoop {
         let section = if self.control_period_s > 0.0 { self.filter.section(self.control_period_s) } else { None };
         section.map_or(Complex::ONE, |section| section.response(w_rad_s / TAU))
     }
-}
-
-/// Returns the zero of a function that is positive at `below` and not at `above`.
-fn bisected(mut below: f64, mut above: f64, excess: impl Fn(f64) -> f64) -> f64 {
-    for _ in 0..HALVINGS {
-        let middle = 0.5 * (below + above);
-        if excess(middle) > 0.0 {
-            below = middle;
-        } else {
-            above = middle;
-        }
-    }
-    0.5 * (below + above)
 }

@@ -107,6 +107,13 @@ impl Axis {
     }
 }
 
+impl Series {
+    /// Returns a series without rings.
+    pub fn new(name: impl Into<String>, style: Style, group: usize, points: Vec<[f64; 2]>) -> Self {
+        Self { name: name.into(), style, group, points, marked: Vec::new() }
+    }
+}
+
 impl Chart {
     fn has_place_for(&self, point: [f64; 2]) -> bool {
         self.x.has_place_for(point[0]) && self.y.has_place_for(point[1])

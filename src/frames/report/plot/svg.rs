@@ -4,7 +4,7 @@ use super::axis::Tick;
 use super::layout::{Entry, LINE_PX, Layout, SWATCH_PX, WIDTH_PX};
 use super::marks::{colour, shape};
 use super::{Chart, Series, Style};
-use crate::report::xml::escaped;
+use base::xml::escaped;
 
 /// Lines of an SVG under construction.
 struct Page {

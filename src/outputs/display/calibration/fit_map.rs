@@ -15,8 +15,8 @@
 //! `fit_map_tests`; `tests/physics/display_calibration`.
 
 use super::error::CalibrationError;
-use crate::display::covered::Covered;
 use crate::display::geometry::{DisplayGeometry, GeometryParameters, Pinhole, taken_apart, wxyz};
+use crate::display::{covered::Covered, flat_field::exponents};
 use base::least_squares::{Basis, median, rms};
 use base::random::philox;
 use glam::{DMat3, DQuat, DVec2, DVec3};
@@ -233,10 +233,6 @@ struct Polynomial {
     /// Residual of the dots fitted to, display px rms.
     rms_px: f64,
     terms: usize,
-}
-
-fn exponents(degree: usize) -> impl Iterator<Item = (usize, usize)> {
-    (0..=degree).flat_map(|sum| (0..=sum).map(move |j| (sum - j, j)))
 }
 
 fn fit_polynomial(

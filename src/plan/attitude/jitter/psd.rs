@@ -15,6 +15,7 @@
 //! `base::random`, logarithms from `libm`: the same on every machine. Tests: `tests/physics/bus_jitter.rs`.
 
 use crate::attitude::{error::JitterReject, los::JitterLine};
+use base::bisection::bisected;
 use base::random::{Stage, key, philox};
 use core::f64::consts::TAU;
 use glam::DVec3;
@@ -110,17 +111,11 @@ impl Band<'_> {
             return 0.0;
         };
         let octaves = libm::log(last.frequency_hz / first.frequency_hz);
-        let (mut low, mut high) = (0.0, octaves);
-        for _ in 0..HALVINGS {
-            let middle = 0.5 * (low + high);
+        let at = bisected([0.0, octaves], HALVINGS, |middle| {
             let power = self.power_to(first.frequency_hz * libm::exp(middle));
-            if 0.5 * (power / total + middle / octaves) < share {
-                low = middle;
-            } else {
-                high = middle;
-            }
-        }
-        first.frequency_hz * libm::exp(0.5 * (low + high))
+            0.5 * (power / total + middle / octaves) < share
+        });
+        first.frequency_hz * libm::exp(at)
     }
 }
 

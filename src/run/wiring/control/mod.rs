@@ -9,7 +9,6 @@
 
 mod admission;
 mod answers;
-pub mod base64;
 mod camera;
 mod error;
 mod lines;

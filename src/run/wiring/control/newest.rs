@@ -1,6 +1,6 @@
 //! The newest frame of each head, and the CRC-32 over all frames, as a client can request them.
 
-use crate::wiring::control::{base64, output::write_below};
+use crate::wiring::control::output::write_below;
 use base::time::Tai;
 use frames::sink::crc32::{RunCrc32, pixel_crc32};
 use frames::sink::facts::{FactSource, json_keys};
@@ -87,7 +87,7 @@ impl NewestFrames {
             None if !pixels => {}
             None => {
                 let bytes: Vec<u8> = frame.image.pixels().iter().flat_map(|dn| dn.to_le_bytes()).collect();
-                answer["pixels_base64_u16_le"] = base64::encode(&bytes).into();
+                answer["pixels_base64_u16_le"] = base::base64::encode(&bytes).into();
             }
             Some(path) => {
                 let bytes = write_below(self.output.as_deref(), path, |out| fits::write_frame(out, frame))?;

@@ -1,30 +1,13 @@
-//! Tests that every line is a request or a refusal in plain words, that lines of any bytes are separated, and base64.
+//! Tests that every line is a request or a refusal in plain words, that lines of any bytes are separated.
 
 use super::admission::{ControlRefusals, admit};
 use super::lines::{ControlAddress, Incoming, LineSocket};
 use super::protocol::{LINE_BYTES_MAX, Request, StepBy, parse};
-use super::{base64::encode, token::Token};
+use super::token::Token;
 use core::sync::atomic::{AtomicBool, Ordering};
 use serde_json::json;
 use std::io::Write;
 use std::net::{TcpListener, TcpStream};
-
-#[test]
-fn base64_is_that_of_rfc_4648_section_10() {
-    let published = [
-        ("", ""),
-        ("f", "Zg=="),
-        ("fo", "Zm8="),
-        ("foo", "Zm9v"),
-        ("foob", "Zm9vYg=="),
-        ("fooba", "Zm9vYmE="),
-        ("foobar", "Zm9vYmFy"),
-    ];
-    for (bytes, text) in published {
-        assert_eq!(encode(bytes.as_bytes()), text, "{bytes}");
-    }
-    assert_eq!(encode(&[0xfb, 0xff, 0xfe]), "+//+", "both signs of the alphabet");
-}
 
 #[test]
 fn requests_are_read() {

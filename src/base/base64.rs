@@ -14,3 +14,25 @@ pub fn encode(bytes: &[u8]) -> String {
     }
     text
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn base64_is_that_of_rfc_4648_section_10() {
+        let published = [
+            ("", ""),
+            ("f", "Zg=="),
+            ("fo", "Zm8="),
+            ("foo", "Zm9v"),
+            ("foob", "Zm9vYg=="),
+            ("fooba", "Zm9vYmE="),
+            ("foobar", "Zm9vYmFy"),
+        ];
+        for (bytes, text) in published {
+            assert_eq!(encode(bytes.as_bytes()), text, "{bytes}");
+        }
+        assert_eq!(encode(&[0xfb, 0xff, 0xfe]), "+//+", "both signs of the alphabet");
+    }
+}

@@ -1,4 +1,4 @@
-//! Text as XML wants it.
+//! Text as XML and HTML want it.
 
 /// Escapes text for elements and attributes; characters that XML does not allow become spaces.
 pub fn escaped(text: &str) -> String {
