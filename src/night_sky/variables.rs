@@ -2,7 +2,7 @@
 //!
 //! All stars of the General Catalogue of Variable Stars (N. N. Samus and others, Astronomy Reports 61, 80, 2017; its file of 2016 with
 //! 47,969 stars and its list of Hipparcos numbers) that reach V = 8 and change by half a magnitude or more in V: names, types and
-//! ranges as they stand there. Ranges of five are not from there: U Mon, V Hya, Y CVn and W Hya, which it has in photographic
+//! ranges are from it. Ranges of five are not from there: U Mon, V Hya, Y CVn and W Hya, which it has in photographic
 //! light, and Betelgeuse, which became fainter in 2020. Limits: ranges are in V, the catalog's magnitudes in Gaia's G. Tests: below; a
 //! frame with one of them changed in `tests/night_sky`.
 

@@ -128,7 +128,7 @@ fn a_full_device_is_an_error_and_is_not_replaced() {
 fn a_pipe_is_written_to_its_reader_and_without_one_is_an_error() {
     let directory = tempfile::tempdir().unwrap();
     let pipe = directory.path().join("pipe");
-    nix::unistd::mkfifo(&pipe, nix::sys::stat::Mode::S_IRWXU).unwrap();
+    rustix::fs::mkfifoat(rustix::fs::CWD, &pipe, rustix::fs::Mode::RWXU).unwrap();
     let error = open_existing(&pipe, Duration::ZERO).unwrap_err();
     assert_eq!(error.kind(), io::ErrorKind::TimedOut);
     assert!(error.to_string().contains("nobody read from this pipe"), "{error}");
