@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import shutil
 import subprocess
 import sys
 import time
@@ -24,6 +25,16 @@ from pathlib import Path
 
 USUAL_SHARD_ITEMS = 250
 """Items of a shard where the description says nothing."""
+CONFIGS = Path(__file__).resolve().parent.parent / "configs"
+"""The files of built-in names: beside hil_scripts in a clone, beside the clients in the package."""
+
+
+def description(given: Path) -> Path:
+    """The file of a description: one of this name, or that of a built-in name such as data_sets/targets.toml."""
+    found = next((path for path in (given, CONFIGS / given) if path.is_file()), None)
+    if found is None:
+        raise SystemExit(f"{given}: no such file; wanted a description of a data set, or a built-in one such as data_sets/targets.toml")
+    return found.resolve()
 
 
 def shards_of(spec: Path, count: int) -> int:
@@ -47,13 +58,21 @@ def main() -> int:
     parser.add_argument("--count", type=int, required=True, help="number of items")
     parser.add_argument("--out", type=Path, required=True, help="folder of the data set")
     parser.add_argument("--images", help="form of the images in place of the description's")
-    parser.add_argument("--binary", type=Path, default=Path("target/release/starloop"), help="the program")
+    built = Path("target/release/starloop")
+    found = built if built.is_file() else Path(shutil.which("starloop") or built)
+    parser.add_argument("--binary", type=Path, default=found, help=f"the program (default {found})")
     where = parser.add_mutually_exclusive_group()
     where.add_argument("--workers", type=int, default=2, help="processes on this machine")
     where.add_argument("--scheduler", help="address of a running cluster, such as tcp://head:8786")
     given = parser.parse_args()
 
-    from dask.distributed import Client, LocalCluster, as_completed
+    given.spec = description(given.spec)
+    if not given.binary.is_file():
+        raise SystemExit(f"{given.binary}: no such program; wanted starloop on the PATH, or --binary FILE")
+    try:
+        from dask.distributed import Client, LocalCluster, as_completed
+    except ImportError:
+        raise SystemExit("dask is not installed; install hil_scripts/requirements_campaign.txt with python3 -m pip install -r") from None
 
     binary, spec, out = (str(path.resolve()) for path in (given.binary, given.spec, given.out))
     shards = shards_of(given.spec, given.count)

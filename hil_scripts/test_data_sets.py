@@ -179,6 +179,16 @@ class Readers(unittest.TestCase):
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertEqual(tree(out), tree(self.folder / "png"))
 
+    def test_dask_takes_a_built_in_name_and_says_what_is_not_there(self):
+        command = [sys.executable, ROOT / "hil_scripts/data_set.py", "--count", "2", "--workers", "1", "--binary", BINARY]
+        run = lambda *more: subprocess.run([*command, *more], cwd=self.folder, capture_output=True, text=True, timeout=600)
+        done = run(TARGETS, "--out", "named")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertTrue((self.folder / "named/README.md").exists())
+        done = run("data_sets/no.toml", "--out", "none")
+        self.assertEqual((done.returncode, "Traceback" in done.stderr), (1, False), done.stderr)
+        self.assertIn("data_sets/no.toml: no such file; wanted", done.stderr)
+
 
 class Kills(unittest.TestCase):
     """A data set that is killed twice, and one by two workers, is one that was not."""

@@ -213,6 +213,22 @@ class Unit(unittest.TestCase):
         self.assertGreater(result["star_count"][-1], 5)
         self.assertTrue(list(out.rglob("*.fits")))
 
+    def test_jitter_of_the_run_files_flight_computer_is_left_out(self):
+        lines = "[[flight_computer.jitter_line]]\nfrequency_hz = 0.8\namplitude_arcsec = [400.0, 300.0, 600.0]\nphase_deg = 20.0\n"
+
+        def images(name, more):
+            (self.here / f"{name}.toml").write_text(BENCH + more)
+            unit, out = self.here / f"{name}.fmu", self.here / f"frames of {name}"
+            done = starloop("fmu", self.here / f"{name}.toml", "--out", unit)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            attitude = {"output_dir": str(out), "q_body_from_icrf": slew(0.0)}
+            simulate_fmu(str(unit), start_values=attitude, stop_time=1.0, step_size=0.1, output_interval=0.1, output=["frame_counter"])
+            files = sorted(out.rglob("*.fits"))
+            self.assertGreater(len(files), 5)
+            return [zlib.crc32(path.read_bytes()[-131072:]) for path in files]
+
+        self.assertEqual(images("jitter", lines), images("rest", ""))
+
     def test_a_unit_of_three_heads_has_the_outputs_of_each(self):
         heads = [[1.0, 0.0, 0.0, 0.0], [math.cos(0.4), math.sin(0.4), 0.0, 0.0], [math.cos(0.4), 0.0, math.sin(0.4), 0.0]]
         text = BENCH + "".join(f"[[head]]\nsensor_from_body = {head}\n" for head in heads)

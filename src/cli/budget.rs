@@ -102,6 +102,7 @@ fn run_arguments(arguments: &BudgetArgs) -> RunArgs {
         out: arguments.out.clone(),
         built_in_costs: arguments.built_in_costs,
         report: None,
+        junit: None,
         random_faults: false,
         settings: Vec::new(),
         control: None,

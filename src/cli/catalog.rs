@@ -35,7 +35,7 @@ pub struct CatalogArgs {
 
 #[derive(Debug, Subcommand)]
 enum Action {
-    /// Pack a CSV of stars into the format that starloop reads
+    /// Pack a CSV of stars into one file, to look at; `import` makes the layers that are drawn
     Pack(PackArgs),
     /// Import a published catalog into layers on disk: stars of any number, in bounded memory
     Import(ImportArgs),

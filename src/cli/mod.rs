@@ -94,6 +94,7 @@ mod run_end;
 mod run_events;
 mod run_finished;
 mod run_input;
+mod run_junit;
 mod run_link_hint;
 mod run_page;
 mod run_page_parts;

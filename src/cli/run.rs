@@ -28,7 +28,9 @@ use std::sync::Arc;
 /// With what could not be done, and why.
 pub fn run(arguments: &RunArgs) -> Result<u8> {
     if arguments.report.is_some() && arguments.clock == ClockKind::Virtual {
-        bail!("--report: got the virtual clock, on which nothing takes time; wanted --clock real");
+        bail!(
+            "--report: got the virtual clock, on which nothing takes time; wanted --clock real, or --junit FILE.xml for the verdict"
+        );
     }
     // A report that cannot be written is known before the run, not after it.
     arguments.report.iter().try_for_each(|directory| folder::make("--report", directory))?;
@@ -38,6 +40,9 @@ pub fn run(arguments: &RunArgs) -> Result<u8> {
         write_budget(directory, &mut finished);
     }
     finished.write_page(arguments.clock);
+    if let Some(path) = &arguments.junit {
+        finished.write_junit(path);
+    }
     // Losses are reported and the controlling client gets its answer even when the output cannot be written.
     let reports = finished.reports(arguments.clock);
     let printed = finished.print(&reports, arguments);
@@ -72,7 +77,9 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
     let sinks = arguments.sinks(&scenario.bench);
     // Before any folder is made: a run that does not fit leaves nothing behind.
     RunMemory::of(&scenario.bench, &sinks, RunForm { is_real, has_view: arguments.monitor.is_some() }).check()?;
+    let was_there = arguments.out.as_deref().is_some_and(Path::exists);
     let directory = directory(&scenario, arguments)?;
+    let own_folder = directory.clone().filter(|_| !was_there);
     let mut costs = |imager: &Imager| costs_here(imager, arguments.built_in_costs).measured;
     let capture = arguments.capture.as_ref().map(|directory| CaptureOptions {
         directory: directory.clone(),
@@ -95,12 +102,12 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
         steering: steering.clone(),
         is_controlled: listener.is_some(),
     };
-    let mut run = Run::assemble(&scenario, options)?;
+    let mut run = Run::assemble(&scenario, options).inspect_err(|_| leave_nothing(own_folder.as_deref()))?;
     if say {
         announce(&run, arguments);
     }
     let telemetry = telemetry(&mut run, directory.as_deref())?;
-    run.connect()?;
+    run.connect().inspect_err(|_| leave_nothing(own_folder.as_deref()))?;
     run.notes().iter().for_each(|note| eprintln!("{note}"));
     let mut wall = Stopwatch::start();
     let monitor = Monitor::start(say)?;
@@ -201,6 +208,16 @@ fn directory(scenario: &Scenario, arguments: &RunArgs) -> Result<Option<PathBuf>
         folder::make("--out", directory)?;
     }
     Ok(directory)
+}
+
+/// Removes the new folder of a run that could not begin, if nothing or an empty table is in it.
+fn leave_nothing(folder: Option<&Path>) {
+    let Some(folder) = folder else { return };
+    let table = folder.join("frames.csv");
+    if table.metadata().is_ok_and(|table| table.len() == 0) {
+        let _ = std::fs::remove_file(&table); // what stays is seen by the next line
+    }
+    let _ = std::fs::remove_dir(folder); // refused where anything is in it
 }
 
 /// Returns a directory name that sorts by time, such as `20261120T123456.789Z`.

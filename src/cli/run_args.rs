@@ -38,6 +38,9 @@ pub struct RunArgs {
     /// Write budget.json, frames_timing.csv, junit.xml and worst.svg into this directory (on the real clock)
     #[arg(long, value_name = "DIR")]
     pub(super) report: Option<PathBuf>,
+    /// Write verdict, expectations and invariants as JUnit XML, on either clock
+    #[arg(long, value_name = "FILE.xml")]
+    pub(super) junit: Option<PathBuf>,
     /// Add the random faults of a campaign's episode with this seed (a run with a spacecraft)
     #[arg(long)]
     pub(super) random_faults: bool,

@@ -4,7 +4,7 @@ use crate::cli::run_args::{ClockKind, RunArgs};
 use crate::cli::scenario_report::{ScenarioReport, table};
 use crate::cli::{EXIT_DONE, EXIT_FAILED, EXIT_INCOMPLETE, EXIT_LOST, EXIT_NOT_MET, run_events, run_page, signals};
 use crate::cli::{
-    plain_text::plain_text, report_json::print_json, run_control::Client, run_finished::Finished,
+    plain_text::plain_text, report_json::print_json, run_control::Client, run_finished::Finished, run_junit::to_junit,
     run_link_hint::connection_hint, run_verdict::verdict_line,
 };
 use anyhow::{Context, Result};
@@ -59,6 +59,12 @@ impl Finished {
         let Some(directory) = self.directory.clone() else { return };
         let page = run_page::page(self, self.report().as_ref(), clock);
         self.write(&directory.join(run_page::FILE), &page);
+    }
+
+    /// Writes the verdict as JUnit; a file that cannot be written is a loss.
+    pub(super) fn write_junit(&mut self, path: &std::path::Path) {
+        let text = to_junit(&self.scenario.name, &self.end.verdict(), self.report().as_ref(), self.wall_s);
+        self.write(path, &text);
     }
 
     fn write(&mut self, path: &std::path::Path, text: &str) {

@@ -137,6 +137,20 @@ mod tests {
     }
 
     #[test]
+    fn exposure_longer_than_a_frame_of_the_default_rate_hides_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let camera = "[detector]\nwidth_px = 512\nheight_px = 512\nquantum_efficiency = 55\n[optics]\nfocal_length_mm = 25\n\
+                      [exposure]\nexposure_s = 0.5\n";
+        std::fs::write(folder.path().join("cam.toml"), camera).unwrap();
+        let bench = "camera = \"cam.toml\"\n[timing]\nframe_rate_hz = 10\n[flight_computer]\ndec_deg = 95\n";
+        let document = Document::from_text(bench, &folder.path().join("bench.toml"));
+        let message = Bench::from_document(&document).unwrap_err().to_string();
+        for part in ["frame_rate_hz is 10; wanted at most 2.0", "dec_deg is 95", "quantum_efficiency is 55"] {
+            assert!(message.contains(part), "no \"{part}\" in:\n{message}");
+        }
+    }
+
+    #[test]
     fn word_without_a_near_one_hides_no_other_event() {
         let text = "[[event]]\nat_s = 1.0\ndo = \"xyz\"\nshare = 2\n[[event]]\nat_s = -2.0\ndo = \"safe\"\n[[event]]\nat_s = 1\n";
         let errors = errors_of_bench(text);

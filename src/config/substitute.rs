@@ -17,7 +17,7 @@ impl Document {
 }
 
 fn substitute(document: &Document, error: &ConfigError) -> Option<Setting> {
-    let ConfigError::Invalid { place, key, got, .. } = error else { return None };
+    let ConfigError::Invalid { place, key, got, wanted, .. } = error else { return None };
     if !place.starts_with(&document.name()) {
         return None;
     }
@@ -33,6 +33,10 @@ fn substitute(document: &Document, error: &ConfigError) -> Option<Setting> {
         // Which keys an event needs follows from its word.
         let is_needed = matches!(known.preset, Preset::Needed) || key.starts_with("event[");
         format!("{key}={}", allowed(&known.shape).filter(|_| is_needed)?)
+    } else if key.ends_with("frame_rate_hz") {
+        // Without the key its default may be too fast for the exposure as well, and hide what else is wrong.
+        let most_hz: f64 = wanted.strip_prefix("at most ")?.split(' ').next()?.parse().ok()?;
+        format!("{key}={:?}", 0.999 * most_hz)
     } else {
         return None;
     };

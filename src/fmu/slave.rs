@@ -53,6 +53,8 @@ impl Slave {
         }
         scenario.plant = Plant::Outside;
         scenario.bench.flight_computer.is_external = true;
+        // The lines are those of the simulated flight computer, whose place the importer takes: it sets its own jitter.
+        scenario.bench.flight_computer.jitter_lines.clear();
         let is_known_lens = |camera: &Camera| camera.distortion.polynomial.is_none();
         if (0..heads).all(|head| is_known_lens(&scenario.bench.of_head(head).camera)) {
             scenario.trackers.get_or_insert_default();

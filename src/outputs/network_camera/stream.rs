@@ -47,6 +47,8 @@ pub(super) struct Kept {
     blocks: Vec<Block>,
     newest: usize,
     last_id: u16,
+    /// Where the newest block went: block numbers begin again with another place only.
+    destination: Option<SocketAddrV4>,
     acquisition: u32,
     allowance: u64,
 }
@@ -56,14 +58,18 @@ impl Kept {
     pub(super) fn new(frames: usize, pixels: usize, settings: StreamSettings) -> Self {
         let bytes = PixelFormat::Mono16.bytes(pixels) + chunk::added_bytes();
         let blocks = (0..frames).map(|_| Block::with_capacity(bytes, settings)).collect();
-        Self { blocks, newest: 0, last_id: 0, acquisition: 0, allowance: 0 }
+        Self { blocks, newest: 0, last_id: 0, destination: None, acquisition: 0, allowance: 0 }
     }
 
-    /// Takes the place of the oldest block for the next frame; block numbers begin again with each acquisition.
+    /// Takes the place of the oldest block for the next frame. Block numbers begin again when the stream goes to another
+    /// place, and not with each acquisition: a receiver that keeps its stream takes lower numbers for blocks that are late.
     fn begin(&mut self, settings: StreamSettings) -> &mut Block {
         if self.acquisition != settings.acquisition {
-            (self.acquisition, self.last_id) = (settings.acquisition, 0);
+            self.acquisition = settings.acquisition;
             self.blocks.iter_mut().for_each(|block| block.id = 0);
+        }
+        if self.destination != settings.destination {
+            (self.destination, self.last_id) = (settings.destination, 0);
         }
         self.last_id = next_id(self.last_id);
         self.newest = (self.newest + 1) % self.blocks.len().max(1);
@@ -268,6 +274,18 @@ mod tests {
         Stream { shared, frames, free, asks, outlet, kept, width_px: 31, dn_bits: 16, pending: None }.run();
         let counters = reported.tally.read();
         [counters.frames_sent, counters.frames_refused, counters.frames_cut, counters.packets_refused]
+    }
+
+    #[test]
+    fn blocks_go_on_in_the_next_acquisition_and_begin_again_at_another_place() {
+        let place = |port| Some(SocketAddrV4::new(Ipv4Addr::LOCALHOST, port));
+        let mut kept = Kept::new(2, 4, SETTINGS);
+        let mut next = |acquisition, port| {
+            kept.begin(StreamSettings { acquisition, destination: place(port), ..SETTINGS });
+            kept.last_id
+        };
+        assert_eq!([next(1, 9), next(1, 9), next(3, 9), next(3, 9)], [1, 2, 3, 4]);
+        assert_eq!([next(5, 10), next(7, 10)], [1, 2], "control: another stream");
     }
 
     #[test]

@@ -159,7 +159,7 @@ fn frames_arrive_bit_for_bit_with_their_truth_and_again_when_asked() {
     camera.send(&sample_frame(3)).unwrap();
     let (id, payload) = block(&client);
     let (image, truth) = payload.split_at(31 * 17 * 2);
-    assert_eq!((id, image), (1, bytes_of(&sample_frame(3).image).as_slice()), "blocks begin again");
+    assert_eq!((id, image), (2, bytes_of(&sample_frame(3).image).as_slice()), "blocks go on: the stream is the same");
     let mut wanted = Vec::new();
     chunk::append_chunks(&sample_frame(3).meta, image.len(), &mut wanted);
     assert_eq!(truth, wanted);
@@ -324,9 +324,9 @@ fn single_frames_are_never_spent_on_the_acquisition_before() {
         }
         camera
     });
-    for _ in 0..200 {
+    for number in 1..=200 {
         client.write(own::ACQUISITION_START, 1);
-        assert_eq!(block(&client).0, 1, "the only one");
+        assert_eq!(block(&client).0, number, "the only one of its acquisition");
         client.write(own::ACQUISITION_STOP, 1);
     }
     is_over.store(true, Ordering::Release);

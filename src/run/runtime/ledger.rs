@@ -88,6 +88,9 @@ events! {
     NoTimeYet = "no_time_yet",
     /// The flight computer's clock stepped, or a presumed step was withdrawn; the span is the step.
     ClockStepped = "clock_stepped",
+    /// The sender's clock gains or loses more than a clock does, for six seconds: it does not keep real time. The span is what
+    /// two seconds of it gained or lost.
+    ClockRunsOff = "clock_runs_off",
     /// The flight computer's clock restarted: its attitudes and dated triggers are forgotten; the span is the step.
     ClockRestarted = "clock_restarted",
     /// The observer's states come from outside, and none is near the exposure: its state is predicted.

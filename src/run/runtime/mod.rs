@@ -43,6 +43,7 @@ pub mod record;
 pub mod reply;
 pub mod run_word;
 mod scene_events;
+mod tag_rate;
 pub mod session;
 pub mod shutter;
 mod slot;

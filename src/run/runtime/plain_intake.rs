@@ -85,6 +85,9 @@ impl Receiver {
             return;
         }
         self.plain_tags = Some((tag_ns, tag_ns));
+        if let Some(change) = self.tag_rate.take(tag_ns, arrived, self.params.clock.most_drift) {
+            ledger.note(Event::new(EventKind::ClockRunsOff, arrived, None, change));
+        }
         let before = self.clock.estimate();
         match self.clock.observe(tag_ns, arrived) {
             Observed::Used => self.follow_clock(),

@@ -87,6 +87,15 @@ fn jump_of_the_tags_is_an_event_and_no_old_attitude_is_shown_as_new() {
 }
 
 #[test]
+fn sender_that_does_not_keep_real_time_is_an_event() {
+    for (percent, wanted) in [(97, 2), (100, 0)] {
+        let mut bench = bench();
+        (0..2000).for_each(|i| bench.send(10 * i, |at| PlainTime::Tag((at - START).ns() / 100 * percent + 5)));
+        assert_eq!(bench.count(EventKind::ClockRunsOff), wanted, "{percent} %");
+    }
+}
+
+#[test]
 fn overtaken_message_is_taken_and_its_tag_is_not_used_as_a_mark() {
     let mut bench = bench();
     let tag = |late_ms: i64| move |at: Tai| PlainTime::Tag((at - START).ns() + 5 - late_ms * 1_000_000);

@@ -4,6 +4,7 @@ use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::plant_sample::{PlantAttitude, PlantSample};
 use crate::runtime::rate_check::{RateCheck, WINDOW};
 use crate::runtime::session::{Session, SessionParams};
+use crate::runtime::tag_rate::TagRate;
 use crate::runtime::{
     camera_intake::CameraIntake, error::RunError, jitter_tables, params::AttitudeParams, slot::Slot,
     triggers::FiredTrigger,
@@ -68,6 +69,7 @@ pub struct Receiver {
     messages: [u64; PORTS_MAX],
     /// Times of the last plain message and of the newest one, by their sender's clock.
     plain_tags: Option<(i64, i64)>,
+    tag_rate: TagRate,
     /// States of the observer for the next exposure.
     observers: VecDeque<(Tai, BarycentricState)>,
     /// Sequence number of the latest attitude of an external plant.
@@ -101,6 +103,7 @@ impl Receiver {
             late_jitter: 0,
             messages: [0; PORTS_MAX],
             plain_tags: None,
+            tag_rate: TagRate::default(),
             observers: VecDeque::with_capacity(OBSERVERS),
             plant_seq: 0,
             rates: RateCheck::default(),

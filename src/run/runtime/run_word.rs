@@ -20,7 +20,7 @@ pub struct Missing {
 }
 
 /// Returns every kind of event that means that something is missing, with its limit.
-pub fn missing(limits: &RunLimits) -> [Missing; 10] {
+pub fn missing(limits: &RunLimits) -> [Missing; 11] {
     let never = |kind, words| Missing { kind, words, key: "", limit: None };
     [
         Missing {
@@ -38,6 +38,7 @@ pub fn missing(limits: &RunLimits) -> [Missing; 10] {
         never(EventKind::QueueOverflow, "times messages were lost in a full queue"),
         never(EventKind::TriggerEdgeLost, "times edges of trigger lines were lost"),
         never(EventKind::RatesContradict, "rates that contradict the attitudes"),
+        never(EventKind::ClockRunsOff, "times the sender's clock ran off: it does not keep real time"),
         never(EventKind::StarsLate, "frames without stars that were read too late"),
         never(EventKind::StarsCrowdedOut, "frames without their faintest stars: more stars than memory"),
         never(EventKind::TargetLost, "targets lost: their orbits could not be followed"),

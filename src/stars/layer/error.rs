@@ -17,7 +17,11 @@ pub enum LayerError {
         source: std::io::Error,
     },
     /// Not a layer at all.
-    #[error("{path}: not a star layer: wanted it to begin with \"STARLAY1\", got {got:?}", path = path.display())]
+    #[error(
+        "{path}: not a star layer: wanted it to begin with \"STARLAY1\", got {got:?}; `starloop catalog import` makes layers of a CSV \
+         (what `catalog pack` makes is for `catalog info`, `query` and `map`)",
+        path = path.display()
+    )]
     Magic {
         /// The file.
         path: PathBuf,

@@ -412,6 +412,8 @@ fn damage_anywhere_is_reported() {
         let reported = reported_of(&whole[..cut], folder.path()).expect("cut short");
         assert!(reported.contains("cut short") || reported.contains("not a star layer"), "{cut}: {reported}");
     }
+    let packed = reported_of(&[b"STARCAT1".as_slice(), &whole[8..]].concat(), folder.path()).unwrap();
+    assert!(packed.contains("got \"STARCAT1\"; `starloop catalog import` makes layers"), "{packed}");
     let mut longer = whole.clone();
     longer.push(0);
     assert!(reported_of(&longer, folder.path()).unwrap().contains("follows its end"));
