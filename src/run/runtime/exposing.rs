@@ -209,7 +209,7 @@ impl Exposing {
         self.exposure_s() / self.own.1
     }
 
-    /// Accepts commands that wait in the queues, no more than [`COMMANDS_PER_LOOK`] of each, and reports an exposure
+    /// Accepts commands that wait in the queues, no more than `COMMANDS_PER_LOOK` of each, and reports an exposure
     /// that has started. A client that sends faster has full queues; frames do not wait for it.
     pub fn poll(&mut self, now: Tai, ledger: &mut Ledger) {
         for number in 0..self.desks.len() {
