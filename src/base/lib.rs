@@ -1,6 +1,6 @@
 //! Types and functions for every crate: axes and rotations, time, clocks, images, colours of pixels, counter-based
 //! random numbers, the accuracy budget, sources on the sky, standard output and standard error, files that are read
-//! as a whole, names of unfinished files, queues to writing threads and the limit of waiting for them.
+//! as a whole, refusals, names of unfinished files, queues to writing threads and the limit of waiting for them.
 
 pub mod accuracy;
 pub mod axes;
@@ -14,6 +14,7 @@ pub mod least_squares;
 pub mod memory;
 pub mod patience;
 pub mod random;
+pub mod refused;
 pub mod region;
 pub mod source;
 pub mod source_id;
