@@ -1,7 +1,7 @@
 //! Types and functions for every crate: axes and rotations, time, clocks, images, colours of pixels, counter-based
 //! random numbers, the accuracy budget, sources on the sky, standard output and standard error, files that are read
-//! as a whole, names of unfinished files, locks of files, queues to writing threads and the limit of waiting for them, text for XML, and
-//! what several crates compute: medians, zeros, least squares.
+//! as a whole, refusals, names of unfinished files, locks of files, queues to writing threads and the limit of waiting for
+//! them, text for XML, and what several crates compute: medians, zeros, least squares.
 
 pub mod accuracy;
 pub mod axes;
@@ -18,6 +18,7 @@ pub mod least_squares;
 pub mod memory;
 pub mod patience;
 pub mod random;
+pub mod refused;
 pub mod region;
 pub mod source;
 pub mod source_id;

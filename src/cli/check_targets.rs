@@ -6,14 +6,14 @@
 //! listed with its smallest distance. Steps of a frame, of long runs 4000 in all: a shorter pass may go unseen.
 
 use crate::cli::check_observer::write_age;
-use base::{time::Tai, units::ARCSEC};
+use base::{refused::Refused, time::Tai, units::ARCSEC};
 use core::fmt::{Error, Write};
 use glam::DVec3;
 use run::runtime::RunParams;
 use scene::sky_targets::{SkyTargets, TargetFacts};
+use sky::astrometry::CameraGeometry;
 use sky::observer::{Observer, ObserverTrack};
 use sky::target::{Orbit, Sunlight};
-use sky::{ObserverError, astrometry::CameraGeometry};
 use testbed::flight_computer::FlightComputer;
 
 /// Most instants of a run that are looked at.
@@ -150,7 +150,7 @@ fn moment(
     targets: &SkyTargets,
     place: usize,
     number: u32,
-) -> Result<Moment, ObserverError> {
+) -> Result<Moment, Refused> {
     let at = mid_exposure(params, number);
     let facts = targets.facts_at(place, at)?;
     let sensor = in_sensor(params, computer, at, facts.apparent_icrf);

@@ -11,8 +11,12 @@
 //! The same run file and library give the same bytes.
 
 use crate::description::{MODEL_IDENTIFIER, Model, description};
-use crate::{error::FmuError, variables::variables};
+use crate::{
+    error::{self, FmuError},
+    variables::variables,
+};
 use base::input_file::{DATA_BYTES, read_bytes};
+use base::refused::Refused;
 use config::{Document, Plant, Scenario};
 use frames::{sink::replace_own_file, zip_archive::archive};
 use std::path::Path;
@@ -26,7 +30,10 @@ const PLATFORM: &str = if cfg!(target_arch = "aarch64") { "aarch64-linux" } else
 pub(crate) fn check_plant(scenario: &Scenario, file: &str) -> Result<(), FmuError> {
     match scenario.plant {
         Plant::Outside | Plant::FlightComputer => Ok(()),
-        Plant::File(_) | Plant::Vehicle(_) => Err(FmuError::FliesInside { file: file.to_owned() }),
+        Plant::File(_) | Plant::Vehicle(_) => Err(FmuError::from(Refused(format!(
+            "{file}: the attitude comes from a file or a spacecraft inside this run, so a simulator outside cannot be the plant; \
+         wanted plant.kind = \"outside\" or \"flight_computer\""
+        )))),
     }
 }
 
@@ -44,8 +51,9 @@ pub fn write_unit(document: &Document, library: &Path, out: &Path) -> Result<u64
     let scenario = Scenario::from_document(document)?;
     check_plant(&scenario, &document.name())?;
     let packed = document.pack()?;
-    let run_json = serde_json::to_string_pretty(&packed)
-        .map_err(|error| FmuError::Resource { path: out.to_path_buf(), why: error.to_string() })?;
+    let run_json = serde_json::to_string_pretty(&packed).map_err(|error| {
+        FmuError::from(Refused::at(out, format_args!("{error}; write the unit again with `starloop fmu`")))
+    })?;
     let heads = scenario.bench.head_count();
     let timing = &scenario.bench.timing;
     let model = Model {
@@ -54,13 +62,12 @@ pub fn write_unit(document: &Document, library: &Path, out: &Path) -> Result<u64
         stop_s: timing.duration_s,
         step_s: 1.0 / timing.frame_rate_hz,
     };
-    let unread = |source| FmuError::File { path: library.to_path_buf(), doing: "read the library", source };
+    let unread = |source| error::file(library, "read the library", source);
     let binary = read_bytes(library, DATA_BYTES).map_err(unread)?;
     let xml = description(&model, &variables(heads));
     let (of_library, of_run) = (format!("binaries/{PLATFORM}/{MODEL_IDENTIFIER}.so"), format!("resources/{RUN_FILE}"));
     let data = packed.data().map(|(path, kept)| {
-        let unread =
-            |source| FmuError::File { path: path.clone(), doing: "read a file that the run file names", source };
+        let unread = |source| error::file(&path, "read a file that the run file names", source);
         read_bytes(&path, DATA_BYTES).map(|bytes| (format!("resources/{kept}"), bytes)).map_err(unread)
     });
     let data = data.collect::<Result<Vec<_>, _>>()?;
@@ -71,7 +78,7 @@ pub fn write_unit(document: &Document, library: &Path, out: &Path) -> Result<u64
         ("documentation/index.html", DOCUMENTATION.as_bytes()),
     ];
     files.extend(data.iter().map(|(name, bytes)| (name.as_str(), bytes.as_slice())));
-    let refuse = |source| FmuError::File { path: out.to_path_buf(), doing: "make the archive", source };
+    let refuse = |source| error::file(out, "make the archive", source);
     let bytes = archive(&files).map_err(refuse)?;
     Ok(replace_own_file(out, |file| file.write_all(&bytes))?)
 }

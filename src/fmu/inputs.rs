@@ -2,7 +2,7 @@
 
 use crate::error::FmuError;
 use base::axes::{Rotation, WRITTEN_NORM_TOLERANCE};
-use base::{time::Tai, units::METRE_KM};
+use base::{refused::Refused, time::Tai, units::METRE_KM};
 use glam::DVec3;
 use run::runtime::{PlantAttitude, PlantSample};
 use sky::observer::BarycentricState;
@@ -52,10 +52,10 @@ impl Inputs {
 
     fn attitude(&self) -> Result<PlantAttitude, FmuError> {
         let Inputs { q, rate, acceleration, .. } = self;
-        let body_from_icrf = Rotation::from_wxyz(*q, WRITTEN_NORM_TOLERANCE).ok_or_else(|| FmuError::Value {
-            name: "q_body_from_icrf".into(),
-            wanted: "a unit quaternion w x y z (norm within 0.001 of 1)",
-            got: format!("{q:?}"),
+        let body_from_icrf = Rotation::from_wxyz(*q, WRITTEN_NORM_TOLERANCE).ok_or_else(|| {
+            FmuError::from(Refused(format!(
+                "variable q_body_from_icrf: wanted a unit quaternion w x y z (norm within 0.001 of 1), got {q:?}"
+            )))
         })?;
         let (rate_rad_s, acceleration_rad_s2) = (DVec3::from_array(*rate), DVec3::from_array(*acceleration));
         Ok(PlantAttitude { body_from_icrf, rate_rad_s, acceleration_rad_s2 })

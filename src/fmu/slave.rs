@@ -5,9 +5,14 @@
 //! [`Slave::step`] ..., [`Slave::terminate`]; [`Slave::reset`] begins again.
 
 use crate::archive::{RUN_FILE, check_plant, token};
-use crate::{error::FmuError, inputs::Inputs, outputs::HeadOutputs, state::State};
+use crate::{
+    error::{self, FmuError},
+    inputs::Inputs,
+    outputs::HeadOutputs,
+    state::State,
+};
 use base::input_file::{DATA_BYTES, read_text};
-use base::time::Span;
+use base::{refused::Refused, time::Span};
 use config::{Action, Camera, Carrier, Document, Event, GatewayPorts, PackedDocuments, Plant, Scenario, SessionStart};
 use run::wiring::assemble::{Outputs, Run, RunOptions};
 use run::{runtime::EventKind, wiring::stepped::SteppedRun};
@@ -37,9 +42,11 @@ impl Slave {
     /// When the packed run file is missing, damaged, refused, or not that of the description.
     pub fn new(resources: &Path, given_token: &str) -> Result<Self, FmuError> {
         let path = resources.join(RUN_FILE);
-        let read = |source| FmuError::File { path: path.clone(), doing: "read the run file", source };
+        let read = |source| error::file(&path, "read the run file", source);
         let text = read_text(&path, DATA_BYTES).map_err(read)?;
-        let damaged = |why: String| FmuError::Resource { path: path.clone(), why };
+        let damaged = |why: String| {
+            FmuError::from(Refused::at(&path, format_args!("{why}; write the unit again with `starloop fmu`")))
+        };
         let packed: PackedDocuments = serde_json::from_str(&text).map_err(|error| damaged(error.to_string()))?;
         let packed = packed.kept_in(resources);
         packed.check_data()?;
@@ -76,7 +83,7 @@ impl Slave {
     pub fn enter(&mut self, start_s: f64) -> Result<(), FmuError> {
         self.state.wants(&[State::Instantiated], "fmi3EnterInitializationMode")?;
         if start_s != 0.0 {
-            return Err(FmuError::Step { from_s: start_s, step_s: 0.0, at_s: 0.0 });
+            return Err(error::step(start_s, 0.0, 0.0));
         }
         self.state = State::Initialising;
         Ok(())
@@ -105,11 +112,8 @@ impl Slave {
             return Ok(None);
         }
         let path = PathBuf::from(&self.inputs.output_dir);
-        let refuse = |source| FmuError::File {
-            path: path.clone(),
-            doing: "make the new folder for frames (set output_dir to another one)",
-            source,
-        };
+        let refuse =
+            |source| error::file(&path, "make the new folder for frames (set output_dir to another one)", source);
         std::fs::create_dir(&path).map_err(refuse)?;
         Ok(Some(path))
     }
@@ -123,9 +127,9 @@ impl Slave {
         let at_s = self.time_s[0];
         let is_in_order = (from_s - at_s).abs() <= STEP_TOLERANCE_S * at_s.abs().max(1.0);
         if !(is_in_order && step_s > 0.0 && step_s.is_finite()) {
-            return Err(FmuError::Step { from_s, step_s, at_s });
+            return Err(error::step(from_s, step_s, at_s));
         }
-        let Some(run) = &mut self.run else { return Err(FmuError::Step { from_s, step_s, at_s }) };
+        let Some(run) = &mut self.run else { return Err(error::step(from_s, step_s, at_s)) };
         let at = run.zero() + Span::from_s(from_s);
         let has_jitter = self.has_jitter || self.inputs.jitter != [0.0; 3];
         let sample = self.inputs.sample(at, has_jitter)?;

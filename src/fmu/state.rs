@@ -1,6 +1,7 @@
 //! In which state an instance is, and which calls it takes (section 2.3 of the standard, without event mode).
 
 use crate::error::FmuError;
+use base::refused::Refused;
 
 /// Life of an instance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -34,6 +35,6 @@ impl State {
             return Ok(());
         }
         let wanted = states.first().copied().map_or("another state", Self::words);
-        Err(FmuError::Order { function, state: self.words(), wanted })
+        Err(FmuError::from(Refused(format!("{function} was called {state}; wanted {wanted}", state = self.words()))))
     }
 }

@@ -1,8 +1,9 @@
 //! Life of an instance: made, initialised, stepped, ended, freed.
 
 use crate::instance::{Instance, LogMessage, Status, log, of, put, text};
+use base::refused::Refused;
 use core::ffi::{c_char, c_void};
-use fmu::{FmuError, Slave};
+use fmu::Slave;
 use std::{panic::catch_unwind, path::Path};
 
 /// `fmi3IntermediateUpdateCallback`, which is never called.
@@ -94,7 +95,7 @@ pub extern "C" fn fmi3Terminate(instance: *mut c_void) -> Status {
     let mut lost = None;
     let status = instance.call(|slave| {
         lost = slave.terminate()?;
-        Ok::<_, FmuError>(())
+        Ok::<_, Refused>(())
     });
     match lost {
         Some(lost) => {
@@ -110,7 +111,7 @@ pub extern "C" fn fmi3Reset(instance: *mut c_void) -> Status {
     of(instance).map_or(Status::Error, |instance| {
         instance.call(|slave| {
             slave.reset();
-            Ok::<_, FmuError>(())
+            Ok::<_, Refused>(())
         })
     })
 }

@@ -6,10 +6,10 @@
 //! `tests`.
 
 use base::source::{direction_from_ra_dec, ra_dec_rad};
-use base::units::DEG;
+use base::{refused::Refused, units::DEG};
 use core::f64::consts::{FRAC_PI_2, PI};
 use glam::DVec3;
-use stars::layer::{Layer, LayerError};
+use stars::layer::Layer;
 use stars::{catalog::Catalog, galactic::direction_of_galactic};
 
 /// Finest cells: 0.9 deg, those of the coarsest layer.
@@ -50,7 +50,7 @@ impl DensityMap {
     ///
     /// # Errors
     /// When a tile cannot be read or is damaged.
-    pub fn add_layer(&mut self, layer: &Layer, limiting_mag: f32) -> Result<(), LayerError> {
+    pub fn add_layer(&mut self, layer: &Layer, limiting_mag: f32) -> Result<(), Refused> {
         let [from, below] = layer.index().magnitudes;
         if from > limiting_mag {
             return Ok(());

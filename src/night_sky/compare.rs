@@ -14,9 +14,9 @@ use crate::result::{Comparison, conclude};
 use crate::sky_stars::{SkyStar, When, of_field, seen};
 use crate::solve::{BrightSky, LEAST_MATCHES, SCALE_TOLERANCES};
 use crate::{camera_text, limiting};
-use crate::{error::CompareError, fitted::Fitted, geometry::Geometry, stamp::Stamp};
+use crate::{fitted::Fitted, geometry::Geometry, stamp::Stamp};
 use base::axes::{Icrf, Rotation, Sensor, ra_dec_roll};
-use base::time::Tai;
+use base::{refused::Refused, time::Tai};
 use config::{Camera, Document};
 use glam::DVec3;
 use run::wiring::camera_parts::camera_params;
@@ -93,8 +93,8 @@ impl Comparer {
     ///
     /// # Errors
     /// When the camera is refused, or has what is not compared, or the stars cannot be read.
-    pub fn new(document: &Document, path: &Path, options: Options) -> Result<Self, CompareError> {
-        let part = |doing, why: String| CompareError::Part { path: path.into(), doing, why };
+    pub fn new(document: &Document, path: &Path, options: Options) -> Result<Self, Refused> {
+        let part = |doing, why: String| Refused::at(path, format_args!("{doing}: {why}"));
         let camera = Camera::from_document(document).map_err(|error| part("the camera file", error.to_string()))?;
         let params = camera_params(&camera).map_err(|error| part("the camera", format!("{error:#}")))?;
         check_camera(&camera, &params)?;
@@ -138,7 +138,7 @@ impl Comparer {
     ///
     /// # Errors
     /// When the file cannot be read, no attitude is found, or a fit fails.
-    pub fn compare(&self, path: &Path) -> Result<Compared, CompareError> {
+    pub fn compare(&self, path: &Path) -> Result<Compared, Refused> {
         let file = read::read(path, self.params.output().size_px, self.params.detector.bits)?;
         let (frame, solved) = self.recognised(path, &file)?;
         let fitted = self.fit(path, &frame.real, &frame.surface, &frame.found, solved)?;
@@ -146,11 +146,19 @@ impl Comparer {
     }
 
     /// Finds the attitude; an image whose order of rows is open is tried both ways.
-    fn recognised(&self, path: &Path, file: &ImageFile) -> Result<(Frame, Geometry), CompareError> {
+    fn recognised(&self, path: &Path, file: &ImageFile) -> Result<(Frame, Geometry), Refused> {
         let flip = self.options.flip;
         let given = Frame::of(flip.map_or_else(|| file.picture.clone(), |flip| file.picture.flipped(flip)), flip);
         if given.found.len() < LEAST_MATCHES {
-            return Err(CompareError::FewStars { path: path.into(), got: given.found.len(), wanted: LEAST_MATCHES });
+            return Err(Refused::at(
+                path,
+                format_args!(
+                    "{got} stars above the background, wanted at least {wanted}: a blank, overexposed or blurred image \
+         cannot be compared",
+                    got = given.found.len(),
+                    wanted = LEAST_MATCHES
+                ),
+            ));
         }
         let mut frames = vec![given];
         if flip.is_none() && file.is_row_order_open {
@@ -178,7 +186,7 @@ impl Comparer {
     }
 
     /// Returns why no attitude is found: a mirrored image has another cause than a wrong focal length.
-    fn without_attitude(&self, path: &Path, frame: &Frame) -> CompareError {
+    fn without_attitude(&self, path: &Path, frame: &Frame) -> Refused {
         if SCALE_TOLERANCES.into_iter().any(|tolerance| self.solve(&frame.found, true, tolerance).is_some()) {
             let advice = match self.options.flip {
                 Some(_) => "leave --flip out",
@@ -186,25 +194,33 @@ impl Comparer {
                     "give --flip rows where its first row is the bottom one, --flip columns where left and right are exchanged"
                 }
             };
-            return CompareError::Mirrored { path: path.into(), stars: frame.found.len(), advice };
+            return Refused::at(
+                path,
+                format_args!(
+                    "no attitude found: the image is mirrored left to right: its brightest {stars} stars fit the sky when it is \
+         turned over; {advice}",
+                    stars = frame.found.len()
+                ),
+            );
         }
-        CompareError::NoAttitude {
-            path: path.into(),
-            stars: frame.found.len(),
-            focal_mm: self.camera.optics.focal_length_mm,
-            tolerance_percent: 100.0 * SCALE_TOLERANCES[1],
-        }
+        Refused::at(
+            path,
+            format_args!(
+                "no attitude found: the brightest {stars} stars fit no part of the sky with a focal length of {focal_mm:.2} \
+         mm within {tolerance_percent:.1} %; check optics.focal_length_mm and detector.pixel_pitch_um",
+                stars = frame.found.len(),
+                focal_mm = self.camera.optics.focal_length_mm,
+                tolerance_percent = 100.0 * SCALE_TOLERANCES[1]
+            ),
+        )
     }
 
     /// Returns the stars on the image, brightest first; stars that the image cannot separate as one.
-    pub(crate) fn field(&self, path: &Path, geometry: &Geometry) -> Result<Vec<FieldStar>, CompareError> {
+    pub(crate) fn field(&self, path: &Path, geometry: &Geometry) -> Result<Vec<FieldStar>, Refused> {
         let axis = geometry.attitude.inverse().apply(DVec3::Z);
         let radius = 1.05 * self.params.geometry.half_diagonal_rad() + 0.002;
-        let stars = of_field(&self.sky, &self.places, axis, radius).map_err(|error| CompareError::Part {
-            path: path.into(),
-            doing: "the stars of the field",
-            why: error.to_string(),
-        })?;
+        let stars = of_field(&self.sky, &self.places, axis, radius)
+            .map_err(|error| Refused::at(path, format_args!("the stars of the field: {error}")))?;
         Ok(on_image(stars, geometry))
     }
 
@@ -219,9 +235,9 @@ impl Comparer {
         }
     }
 
-    fn compare_fitted(&self, path: &Path, frame: Frame, fitted: &Fitted) -> Result<Compared, CompareError> {
+    fn compare_fitted(&self, path: &Path, frame: Frame, fitted: &Fitted) -> Result<Compared, Refused> {
         let Frame { real, surface, found, flip } = frame;
-        let part = |doing, why: String| CompareError::Part { path: path.into(), doing, why };
+        let part = |doing, why: String| Refused::at(path, format_args!("{doing}: {why}"));
         let name = format!(
             "{}, fitted to {}",
             self.camera.name,
@@ -280,8 +296,8 @@ impl Comparer {
     }
 }
 
-fn check_camera(camera: &Camera, params: &scene::camera::CameraParams) -> Result<(), CompareError> {
-    let refuse = |what, wanted| Err(CompareError::Camera { name: camera.name.clone(), what, wanted });
+fn check_camera(camera: &Camera, params: &scene::camera::CameraParams) -> Result<(), Refused> {
+    let refuse = |what, wanted| Err(Refused(format!("camera \"{name}\": {what}; wanted {wanted}", name = camera.name)));
     if params.output().size_px != params.sensor_px() {
         return refuse(
             "it bins or cuts its image",

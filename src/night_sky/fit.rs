@@ -10,7 +10,8 @@ use crate::light_fit::{self, FittedLight, LitStar};
 use crate::measure::{PixelNoise, Plate, Spot, measure};
 use crate::psf_fit::{self, FittedPsf};
 use crate::response::{Response, Tone, response};
-use crate::{compare::Comparer, error::CompareError, fitted::Fitted, picture::Picture, stamp::Stamp, terms};
+use crate::{compare::Comparer, fitted::Fitted, picture::Picture, stamp::Stamp, terms};
+use base::refused::Refused;
 use glam::DVec2;
 use plan::optics::{Illumination, illumination::Vignetting};
 use std::path::Path;
@@ -48,7 +49,7 @@ impl Comparer {
         surface: &[f32],
         found: &[Detection],
         solved: Geometry,
-    ) -> Result<Fitted, CompareError> {
+    ) -> Result<Fitted, Refused> {
         let cells = light_fit::photon_transfer(real);
         let (noise, transfer) = light_fit::noise(&cells, &self.noise(), self.params.detector.prnu);
         let mut geometry = solved;
@@ -88,7 +89,7 @@ impl Comparer {
     }
 
     /// Fits PSF and geometry in turn.
-    fn placed(&self, path: &Path, plate: &Plate<'_>, geometry: Geometry) -> Result<Placed, CompareError> {
+    fn placed(&self, path: &Path, plate: &Plate<'_>, geometry: Geometry) -> Result<Placed, Refused> {
         let base = Freedom { air: self.options.is_ground, ..Freedom::DISTORTION };
         let sigma_px = self.params.psf.core_sigma_px().clamp(START_SIGMA_PX[0], START_SIGMA_PX[1]);
         let mut stamp = Stamp::of(&plan::optics::PsfModel::gaussian(sigma_px));
@@ -164,8 +165,8 @@ impl Comparer {
     }
 }
 
-fn refused(path: &Path, what: &'static str, why: &str) -> CompareError {
-    CompareError::Fit { path: path.into(), what, why: why.into() }
+fn refused(path: &Path, what: &'static str, why: &str) -> Refused {
+    Refused::at(path, format_args!("{what} cannot be fitted: {why}"))
 }
 
 /// Returns a star's spot where it is bright, whole and alone.

@@ -15,7 +15,6 @@ pub mod camera_text;
 pub mod compare;
 pub mod detect;
 pub mod draw;
-mod error;
 mod field;
 mod fit;
 pub mod figures;
@@ -42,6 +41,5 @@ pub mod variables;
 pub mod verdict;
 
 pub use compare::{Compared, Comparer, Options};
-pub use error::CompareError;
 pub use picture::Picture;
 pub use result::Comparison;

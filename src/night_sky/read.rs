@@ -6,8 +6,8 @@
 //! Files of more than [`MOST_BYTES`] and images of more than [`MOST_PIXELS`] are refused before their pixels are read.
 //! A damaged file is a message, never a panic: tests cut files at every place and change each byte of their heads.
 
-use crate::{error::CompareError, picture::Picture};
-use base::input_file::read_bytes;
+use crate::picture::Picture;
+use base::{input_file::read_bytes, refused::Refused};
 use frames::sink::{SinkError, fits::FitsImage};
 use std::{io::Cursor, path::Path};
 use tiff::ColorType;
@@ -34,11 +34,19 @@ pub struct ImageFile {
 ///
 /// # Errors
 /// When the file cannot be read, is damaged, is not a grey image, or is not of such a camera.
-pub fn read(path: &Path, size_px: [usize; 2], bits: u32) -> Result<ImageFile, CompareError> {
+pub fn read(path: &Path, size_px: [usize; 2], bits: u32) -> Result<ImageFile, Refused> {
     let raw = read_raw(path)?;
     let got = raw.picture.size_px;
     if got != size_px {
-        return Err(CompareError::Size { path: path.into(), wanted: size_px, got });
+        return Err(Refused(format!(
+            "{}: the image has {} x {} pixels, the camera file {} x {}: give the camera that took it, or change \
+         detector.width_px and height_px",
+            path.display(),
+            got[0],
+            got[1],
+            size_px[0],
+            size_px[1]
+        )));
     }
     Ok(ImageFile { picture: justified(raw.picture, bits, path)?, ..raw })
 }
@@ -47,9 +55,9 @@ pub fn read(path: &Path, size_px: [usize; 2], bits: u32) -> Result<ImageFile, Co
 ///
 /// # Errors
 /// When the file cannot be read, is damaged, or is not a grey image.
-pub fn read_raw(path: &Path) -> Result<ImageFile, CompareError> {
+pub fn read_raw(path: &Path) -> Result<ImageFile, Refused> {
     let refuse =
-        |what, wanted: &str, got: String| CompareError::Image { path: path.into(), what, wanted: wanted.into(), got };
+        |what, wanted: &str, got: String| Refused::at(path, format_args!("{what}; wanted {wanted}, got {got}"));
     let unreadable = |error: std::io::Error| refuse("the file cannot be read", "an image file", error.to_string());
     let about = std::fs::metadata(path).map_err(unreadable)?;
     if !about.is_file() {
@@ -64,10 +72,10 @@ pub fn read_raw(path: &Path) -> Result<ImageFile, CompareError> {
 }
 
 /// The problem, the wanted and the given value.
-type Refused = (&'static str, String, String);
+type Problem = (&'static str, String, String);
 
 /// Reads the bytes of a file by their first ones.
-fn of_bytes(bytes: &[u8]) -> Result<ImageFile, Refused> {
+fn of_bytes(bytes: &[u8]) -> Result<ImageFile, Problem> {
     let top_first = |picture| ImageFile { picture, is_row_order_open: false };
     match bytes {
         [b'I', b'I', 42, 0, ..] | [b'M', b'M', 0, 42, ..] | [b'I', b'I', 43, 0, ..] | [b'M', b'M', 0, 43, ..] => {
@@ -87,7 +95,7 @@ fn of_bytes(bytes: &[u8]) -> Result<ImageFile, Refused> {
     }
 }
 
-fn checked(size: [usize; 2], dn: Vec<f32>) -> Result<Picture, Refused> {
+fn checked(size: [usize; 2], dn: Vec<f32>) -> Result<Picture, Problem> {
     if dn.len() != size[0] * size[1] || dn.is_empty() {
         let wanted = format!("{} x {} pixels of one channel", size[0], size[1]);
         return Err(("the image is not whole", wanted, format!("{} values", dn.len())));
@@ -96,7 +104,7 @@ fn checked(size: [usize; 2], dn: Vec<f32>) -> Result<Picture, Refused> {
 }
 
 /// Refuses a size before memory is taken for it.
-fn bounded(width: u32, height: u32) -> Result<[usize; 2], Refused> {
+fn bounded(width: u32, height: u32) -> Result<[usize; 2], Problem> {
     let size = [width as usize, height as usize];
     let pixels = size[0].saturating_mul(size[1]);
     if pixels == 0 || pixels > MOST_PIXELS {
@@ -107,7 +115,7 @@ fn bounded(width: u32, height: u32) -> Result<[usize; 2], Refused> {
 
 /// Returns a refusal that calls a file damaged only where it is.
 #[allow(clippy::wildcard_enum_match_arm, reason = "the kinds of another crate")]
-fn refused_tiff(error: tiff::TiffError) -> Refused {
+fn refused_tiff(error: tiff::TiffError) -> Problem {
     match error {
         tiff::TiffError::UnsupportedError(kind) => (
             "the TIFF file is of a kind that is not read",
@@ -118,7 +126,7 @@ fn refused_tiff(error: tiff::TiffError) -> Refused {
     }
 }
 
-fn of_tiff(bytes: &[u8]) -> Result<Picture, Refused> {
+fn of_tiff(bytes: &[u8]) -> Result<Picture, Problem> {
     let mut limits = Limits::default();
     limits.decoding_buffer_size = MOST_PIXELS * size_of::<f32>();
     limits.intermediate_buffer_size = MOST_PIXELS * size_of::<f32>();
@@ -142,7 +150,7 @@ fn of_tiff(bytes: &[u8]) -> Result<Picture, Refused> {
     checked(size, dn)
 }
 
-fn of_png(bytes: &[u8]) -> Result<Picture, Refused> {
+fn of_png(bytes: &[u8]) -> Result<Picture, Problem> {
     let damaged =
         |error: png::DecodingError| ("the PNG file is damaged", "a whole PNG file".to_owned(), error.to_string());
     let limits = png::Limits { bytes: MOST_PIXELS * 2 };
@@ -172,7 +180,7 @@ fn of_png(bytes: &[u8]) -> Result<Picture, Refused> {
     checked(size, dn)
 }
 
-fn of_fits(bytes: &[u8]) -> Result<ImageFile, Refused> {
+fn of_fits(bytes: &[u8]) -> Result<ImageFile, Problem> {
     #[allow(clippy::wildcard_enum_match_arm, reason = "other errors are of writers")]
     let image = FitsImage::read(bytes).map_err(|error| match error {
         SinkError::DamagedFits { what, wanted, got } => ("the FITS file is damaged", format!("{what}: {wanted}"), got),
@@ -195,7 +203,7 @@ fn of_fits(bytes: &[u8]) -> Result<ImageFile, Refused> {
 }
 
 /// Brings values to the numbers of a converter of `bits` bits.
-fn justified(raw: Picture, bits: u32, path: &Path) -> Result<Picture, CompareError> {
+fn justified(raw: Picture, bits: u32, path: &Path) -> Result<Picture, Refused> {
     let most = f64::from((1_u32 << bits) - 1);
     let largest = raw.largest();
     if largest <= most {
@@ -208,7 +216,13 @@ fn justified(raw: Picture, bits: u32, path: &Path) -> Result<Picture, CompareErr
         (dn / scale).fract() == 0.0 || dn >= f64::from(u16::MAX)
     };
     if largest > f64::from(u16::MAX) || !raw.dn.iter().all(is_step) {
-        return Err(CompareError::Range { path: path.into(), bits, most, scale, got: largest });
+        return Err(Refused::at(
+            path,
+            format_args!(
+                "the image has values up to {largest}, the camera file has {bits} bits: wanted values up to {most}, or those \
+         values times {scale} (left-justified); correct detector.bits"
+            ),
+        ));
     }
     #[allow(clippy::cast_possible_truncation, reason = "digital numbers")]
     Ok(raw.map(|_, dn| (f64::from(dn) / scale).floor() as f32))

@@ -1,6 +1,6 @@
 //! Stars of the catalog -> where they are seen at a time, and those of one field.
 
-use base::{source::CatalogSource, source_id::SourceId, time::Tai};
+use base::{refused::Refused, source::CatalogSource, source_id::SourceId, time::Tai};
 use glam::DVec3;
 use sky::astrometry::{ApparentPlaces, Vantage};
 use sky::observer::{Observer, ObserverTrack};
@@ -51,7 +51,7 @@ impl When {
     ///
     /// # Errors
     /// When the Earth's place cannot be computed.
-    pub fn places(&self) -> Result<ApparentPlaces, sky::ObserverError> {
+    pub fn places(&self) -> Result<ApparentPlaces, Refused> {
         let at = self.time();
         let vantage = Vantage::of(&ObserverTrack::new(self.observer(), at), at, true)?;
         Ok(ApparentPlaces::new(self.epoch_yr, at, &vantage))
@@ -73,12 +73,7 @@ pub fn seen(source: &CatalogSource, places: &ApparentPlaces) -> SkyStar {
 ///
 /// # Errors
 /// When a tile of a layer cannot be read.
-pub fn of_field(
-    sky: &Sky,
-    places: &ApparentPlaces,
-    axis: DVec3,
-    radius_rad: f64,
-) -> Result<Vec<SkyStar>, stars::layer::LayerError> {
+pub fn of_field(sky: &Sky, places: &ApparentPlaces, axis: DVec3, radius_rad: f64) -> Result<Vec<SkyStar>, Refused> {
     let (mut tiles, mut bytes, mut sources) = (Vec::new(), Vec::new(), Vec::new());
     // Aberration and proper motion move stars by less than this.
     let margin_rad = 1e-3;

@@ -1,23 +1,13 @@
-//! Errors of finding the scene of an exposure.
+//! What of a scene was refused.
 
-use sky::ObserverError;
-use stars::layer::LayerError;
+use base::refused::Refused;
 
-/// Errors of a scene.
-#[derive(Debug, thiserror::Error)]
-pub enum SceneError {
-    /// A layer of stars could not be read.
-    #[error("stars: {0}")]
-    Stars(#[from] LayerError),
-    /// The observer's orbit could not be computed.
-    #[error("observer: {0}")]
-    Observer(#[from] ObserverError),
-    /// A thread could not be started.
-    #[error("thread \"{name}\": {source}")]
-    Thread {
-        /// Name of the thread.
-        name: &'static str,
-        /// Cause.
-        source: std::io::Error,
-    },
+/// A layer of stars could not be read.
+pub(crate) fn stars(why: Refused) -> Refused {
+    Refused(format!("stars: {why}"))
+}
+
+/// The observer's orbit could not be computed.
+pub(crate) fn observer(why: Refused) -> Refused {
+    Refused(format!("observer: {why}"))
 }

@@ -1,7 +1,8 @@
 //! Attitude and time -> a frame's background: sky, and stray light of Sun, Moon and Earth. Evaluated at the boresight
 //! at mid-exposure, once per frame; allocates nothing after start.
 
-use crate::{camera::CameraParams, error::SceneError};
+use crate::{camera::CameraParams, error};
+use base::refused::Refused;
 use glam::DVec3;
 use image::detector::Background;
 use plan::attitude::{LosPath, PathOrigin};
@@ -29,7 +30,7 @@ impl FieldLight {
     ///
     /// # Errors
     /// When the observer's orbit cannot be computed at that time.
-    pub fn at(&self, los: &LosPath) -> Result<(Background, Glare), SceneError> {
+    pub fn at(&self, los: &LosPath) -> Result<(Background, Glare), Refused> {
         if self.light.is_dark() {
             return Ok((Background::DARK, Glare::default()));
         }
@@ -40,7 +41,7 @@ impl FieldLight {
         let boresight_icrf = sensor_from_icrf.inverse().apply(DVec3::Z);
         let (mut sun_icrf, mut glare) = (DVec3::Z, Glare::default());
         if let Some(observer) = &self.observer {
-            let bodies = observer.bodies(los.mid_exposure())?;
+            let bodies = observer.bodies(los.mid_exposure()).map_err(error::observer)?;
             sun_icrf = bodies.sun_km;
             let in_sensor = |km: DVec3| sensor_from_icrf.apply(km);
             if let Some(stray) = &self.light.stray {
@@ -68,9 +69,9 @@ impl FieldLight {
         &self,
         los: &LosPath,
         directions: [Option<DVec3>; N],
-    ) -> Result<(f64, f64), SceneError> {
+    ) -> Result<(f64, f64), Refused> {
         let sun_icrf = match &self.observer {
-            Some(observer) => observer.bodies(los.mid_exposure())?.sun_km,
+            Some(observer) => observer.bodies(los.mid_exposure()).map_err(error::observer)?.sun_km,
             None => DVec3::Z,
         };
         let icrf_from_sensor = los.mid_sensor_from_icrf.inverse();

@@ -9,7 +9,7 @@
 
 pub mod camera;
 pub mod discs;
-pub mod error;
+mod error;
 mod field_bounds;
 pub mod field_light;
 mod field_stars;
@@ -21,5 +21,4 @@ pub mod sky_view;
 pub mod truth;
 pub mod wcs;
 
-pub use error::SceneError;
 pub use scene::{Scene, SceneParams, SceneReport};

@@ -5,8 +5,8 @@
 
 use crate::sky_bodies::{BodyCounts, SkyBodies};
 use crate::sky_targets::{SkyTarget, SkyTargets};
-use crate::{camera::CameraParams, error::SceneError, field_light::FieldLight, sky_view::SkyView};
-use base::time::Tai;
+use crate::{camera::CameraParams, error, field_light::FieldLight, sky_view::SkyView};
+use base::{refused::Refused, time::Tai};
 use image::detector::Background;
 use plan::{attitude::LosPath, exposure::Source};
 use sky::almanac::Almanac;
@@ -87,12 +87,12 @@ impl Scene {
     ///
     /// # Errors
     /// When a number is not finite, too large, or below the surface of the body.
-    pub fn follow_observer(&mut self, at: Tai, state: BarycentricState) -> Result<(), SceneError> {
+    pub fn follow_observer(&mut self, at: Tai, state: BarycentricState) -> Result<(), Refused> {
         let bodies = self.bodies.as_mut().map(SkyBodies::observer_mut);
         let light = self.light.observer_mut();
         let tracks = [self.stars.observer_mut(), self.targets.observer_mut()].into_iter().chain(bodies).chain(light);
         for track in tracks {
-            track.follow(at, state)?;
+            track.follow(at, state).map_err(error::observer)?;
         }
         Ok(())
     }
@@ -106,14 +106,14 @@ impl Scene {
     ///
     /// # Errors
     /// When the observer's orbit cannot be computed at that time, or a tile of stars cannot be read.
-    pub fn find(&mut self, los: &LosPath, has_stars: bool) -> Result<SceneReport, SceneError> {
+    pub fn find(&mut self, los: &LosPath, has_stars: bool) -> Result<SceneReport, Refused> {
         let evaluated = self.almanac.evaluated();
         let mut report = self.find_all(los, has_stars)?;
         report.evaluated_series = self.almanac.evaluated() > evaluated;
         Ok(report)
     }
 
-    fn find_all(&mut self, los: &LosPath, has_stars: bool) -> Result<SceneReport, SceneError> {
+    fn find_all(&mut self, los: &LosPath, has_stars: bool) -> Result<SceneReport, Refused> {
         let (background, glare) = self.light.at(los)?;
         let is_excluded = glare.excluded.contains(&true);
         let (shortfall, bodies) = (Shortfall::default(), BodyCounts::default());

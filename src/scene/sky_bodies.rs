@@ -6,9 +6,9 @@
 //! Reuses its buffers; more sources than ever before may allocate once. Tests: `tests/physics/bodies.rs`.
 
 use crate::discs::{Disc, DiscPainter, Law};
-use crate::{camera::CameraParams, error::SceneError, occultation::Occultation};
+use crate::{camera::CameraParams, error, occultation::Occultation};
 use base::axes::{Icrf, Rotation, Sensor};
-use base::{time::Tai, units::AU_KM};
+use base::{refused::Refused, time::Tai, units::AU_KM};
 use core::f64::consts::PI;
 use glam::DVec3;
 use plan::exposure::{Source, SourcePlace};
@@ -142,8 +142,8 @@ impl SkyBodies {
         stars: &[Source],
         sensor_from_icrf: &Rotation<Sensor, Icrf>,
         at: Tai,
-    ) -> Result<&[Source], SceneError> {
-        let standpoint = self.observer.standpoint(at)?;
+    ) -> Result<&[Source], Refused> {
+        let standpoint = self.observer.standpoint(at).map_err(error::observer)?;
         let boresight = sensor_from_icrf.inverse().apply(DVec3::Z);
         let field_rad = self.field_rad();
         let before = Occultation::in_field(&standpoint, boresight, field_rad);
@@ -179,8 +179,8 @@ impl SkyBodies {
     ///
     /// # Errors
     /// The same errors as [`Self::seen`].
-    pub fn all(&self, at: Tai) -> Result<Vec<SeenBody>, SceneError> {
-        Ok(seen_from(&self.observer.standpoint(at)?))
+    pub fn all(&self, at: Tai) -> Result<Vec<SeenBody>, Refused> {
+        Ok(seen_from(&self.observer.standpoint(at).map_err(error::observer)?))
     }
 
     fn field_rad(&self) -> f64 {

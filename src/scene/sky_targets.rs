@@ -11,15 +11,14 @@
 //! throughout). A target in the umbra is not drawn either. A target that SGP4 can no longer follow is lost for the rest
 //! of the run, and counted once. Tests: below; `hil_scripts/test_targets.py` against another program.
 
-use crate::{camera::CameraParams, error::SceneError};
-use base::bisection::halved;
+use crate::{camera::CameraParams, error};
 use base::time::{Span, Tai};
+use base::{bisection::halved, refused::Refused};
 use core::f64::consts::PI;
 use glam::DVec3;
 use plan::exposure::sky_path::{Cubic, Fall, PATH_INSTANTS};
 use plan::exposure::{LightCurve, Shutter, SkyPath, Target, TargetWay};
 use plan::{attitude::LosPath, exposure::target::LIGHT_SAMPLES, optics::StarLight};
-use sky::ObserverError;
 use sky::astrometry::{CameraGeometry, aberrated};
 use sky::observer::{BarycentricState, ObserverTrack};
 use sky::orbit::{CentralBody, EARTH_GM_KM3_S2};
@@ -133,14 +132,14 @@ impl SkyTargets {
     ///
     /// # Errors
     /// When the observer's own orbit cannot be computed at that time.
-    pub fn find_in_view(&mut self, los: &LosPath) -> Result<u32, SceneError> {
+    pub fn find_in_view(&mut self, los: &LosPath) -> Result<u32, Refused> {
         self.forget();
         if self.targets.is_empty() {
             return Ok(0);
         }
         let half_s = 0.5 * (los.exposure_s + self.rows_s);
-        let vantage = self.vantage(los.mid_exposure())?;
-        let exposure = self.exposure(vantage, half_s)?;
+        let vantage = self.vantage(los.mid_exposure()).map_err(error::observer)?;
+        let exposure = self.exposure(vantage, half_s).map_err(error::observer)?;
         let mut lost = 0;
         for place in 0..self.targets.len() {
             if self.is_lost[place] {
@@ -195,25 +194,34 @@ impl SkyTargets {
     ///
     /// # Errors
     /// When its orbit, or the observer's, cannot be computed.
-    pub fn facts_at(&self, place: usize, at: Tai) -> Result<TargetFacts, ObserverError> {
+    pub fn facts_at(&self, place: usize, at: Tai) -> Result<TargetFacts, Refused> {
         let vantage = self.vantage(at)?;
         let sighting = sight(&self.targets[place].orbit, &vantage)?;
         Ok(self.facts_of(&self.targets[place], &sighting, &vantage))
     }
 
-    fn vantage(&self, at: Tai) -> Result<Vantage, ObserverError> {
-        let observer = self.observer.geocentric_state(at)?.ok_or(ObserverError::NoBodies)?;
+    fn vantage(&self, at: Tai) -> Result<Vantage, Refused> {
+        let observer = self.observer.geocentric_state(at)?.ok_or_else(|| {
+            Refused(
+                "Sun, Moon and Earth: wanted an observer near the Earth, got one at rest at the barycentre".to_owned(),
+            )
+        })?;
         let earth_km_s = self.observer.barycentric_state(at)?.velocity_km_s - observer.velocity_km_s;
         let sun_km = self.observer.bodies(at)?.sun_km + observer.position_km;
         Ok(Vantage { at, observer, earth_km_s, sun_km })
     }
 
-    fn exposure(&self, vantage: Vantage, half_s: f64) -> Result<Exposure, ObserverError> {
+    fn exposure(&self, vantage: Vantage, half_s: f64) -> Result<Exposure, Refused> {
         let mut observers = [BarycentricState::default(); PATH_INSTANTS];
         let mut fall = Fall::NONE;
         for (state, t_s) in observers.iter_mut().zip(SkyPath::instants_s(half_s)) {
             let at = vantage.at + Span::from_s(t_s);
-            *state = self.observer.geocentric_state(at)?.ok_or(ObserverError::NoBodies)?;
+            *state = self.observer.geocentric_state(at)?.ok_or_else(|| {
+                Refused(
+                    "Sun, Moon and Earth: wanted an observer near the Earth, got one at rest at the barycentre"
+                        .to_owned(),
+                )
+            })?;
             fall = nearer(fall, fall_of(&self.observer, state, at)?);
         }
         let observer_km = Cubic::through(observers.map(|state| state.position_km), half_s);
@@ -241,7 +249,7 @@ impl SkyTargets {
     }
 
     /// Adds a target if it may be visible.
-    fn take(&mut self, place: usize, exposure: &Exposure, los: &LosPath) -> Result<(), ObserverError> {
+    fn take(&mut self, place: usize, exposure: &Exposure, los: &LosPath) -> Result<(), Refused> {
         let target = &self.targets[place];
         let facts = self.facts_of(target, &sight(&target.orbit, &exposure.vantage)?, &exposure.vantage);
         if !self.is_near(&facts, exposure, los) {
@@ -288,7 +296,7 @@ impl SkyTargets {
 }
 
 /// Returns the gravity that acts on the observer: its central body and the distance from its centre.
-fn fall_of(observer: &ObserverTrack, geocentric: &BarycentricState, at: Tai) -> Result<Fall, ObserverError> {
+fn fall_of(observer: &ObserverTrack, geocentric: &BarycentricState, at: Tai) -> Result<Fall, Refused> {
     let radius_km = match observer.about() {
         None => 0.0,
         Some(CentralBody::Earth) => geocentric.position_km.length(),
@@ -304,7 +312,7 @@ fn nearer(a: Fall, b: Fall) -> Fall {
     if a == Fall::NONE || b.radius_km < a.radius_km { b } else { a }
 }
 
-fn sight(orbit: &Orbit, vantage: &Vantage) -> Result<Sighting, ObserverError> {
+fn sight(orbit: &Orbit, vantage: &Vantage) -> Result<Sighting, Refused> {
     Sighting::of(orbit, &vantage.observer, vantage.earth_km_s, vantage.at)
 }
 
@@ -327,7 +335,7 @@ struct Way {
 }
 
 impl Exposure {
-    fn way(&self, orbit: &Orbit) -> Result<Way, ObserverError> {
+    fn way(&self, orbit: &Orbit) -> Result<Way, Refused> {
         let Vantage { at, earth_km_s, .. } = self.vantage;
         let (mut places, mut light_time_s) = ([DVec3::ZERO; PATH_INSTANTS], 0.0);
         let mut radius_km = f64::INFINITY;

@@ -3,10 +3,10 @@
 //! Uses the tiles of the field, whose light was computed when they were decoded, on all cores. Tests:
 //! `tests/physics/frames.rs`, `tests/physics/deep_sky.rs`.
 
-use crate::{camera::CameraParams, error::SceneError, field_bounds::FieldBounds, field_stars::FieldStars};
+use crate::{camera::CameraParams, error, field_bounds::FieldBounds, field_stars::FieldStars};
 use base::axes::{Icrf, Rotation, Sensor};
-use base::source_id::SourceId;
 use base::time::{Span, Tai};
+use base::{refused::Refused, source_id::SourceId};
 use frames::sink::{TruthKind, TruthStar};
 use glam::{DQuat, DVec3};
 use plan::attitude::LosPath;
@@ -79,16 +79,16 @@ impl SkyView {
     ///
     /// # Errors
     /// When the system cannot start the thread.
-    pub fn read_ahead(&mut self) -> Result<(), SceneError> {
-        self.tiles.read_ahead().map_err(|source| SceneError::Thread { name: "tiles", source })
+    pub fn read_ahead(&mut self) -> Result<(), Refused> {
+        self.tiles.read_ahead().map_err(|source| Refused(format!("thread \"tiles\": {source}")))
     }
 
     /// Accepts the tiles that were read ahead; returns how many are still to come.
     ///
     /// # Errors
     /// When a tile cannot be read.
-    pub fn settle(&mut self) -> Result<usize, SceneError> {
-        Ok(self.tiles.settle()?)
+    pub fn settle(&mut self) -> Result<usize, Refused> {
+        self.tiles.settle().map_err(error::stars)
     }
 
     /// Returns true when the thread that reads tiles has failed.
@@ -120,7 +120,7 @@ impl SkyView {
     ///
     /// # Errors
     /// When the observer's orbit cannot be computed at that time, or a tile cannot be read.
-    pub fn in_view(&mut self, los: &LosPath) -> Result<&[Source], SceneError> {
+    pub fn in_view(&mut self, los: &LosPath) -> Result<&[Source], Refused> {
         self.find_in_view(los)?;
         Ok(&self.sources)
     }
@@ -147,7 +147,7 @@ impl SkyView {
     ///
     /// # Errors
     /// The same errors as there.
-    pub fn find_in_view(&mut self, los: &LosPath) -> Result<(), SceneError> {
+    pub fn find_in_view(&mut self, los: &LosPath) -> Result<(), Refused> {
         let icrf_from_sensor = los.mid_sensor_from_icrf.inverse();
         let boresight = icrf_from_sensor.apply(DVec3::Z);
         let rate_rad_s = los.rate_rad_s.length();
@@ -165,8 +165,8 @@ impl SkyView {
     ///
     /// # Errors
     /// When the observer's orbit cannot be computed at that time.
-    pub fn look(&mut self, at: Tai) -> Result<(), SceneError> {
-        self.sight = Some(Vantage::of(&self.observer, at, self.light_deflection)?.sight());
+    pub fn look(&mut self, at: Tai) -> Result<(), Refused> {
+        self.sight = Some(Vantage::of(&self.observer, at, self.light_deflection).map_err(error::observer)?.sight());
         Ok(())
     }
 
@@ -175,7 +175,7 @@ impl SkyView {
     ///
     /// # Errors
     /// When the observer's orbit cannot be computed at that time, or a tile cannot be read.
-    pub fn sources(&mut self, boresight_icrf: DVec3, sweep_rad: f64, at: Tai) -> Result<&[Source], SceneError> {
+    pub fn sources(&mut self, boresight_icrf: DVec3, sweep_rad: f64, at: Tai) -> Result<&[Source], Refused> {
         self.find(boresight_icrf, sweep_rad, None, at)?;
         Ok(&self.sources)
     }
@@ -187,8 +187,8 @@ impl SkyView {
         sweep_rad: f64,
         attitude: Option<&Rotation<Sensor, Icrf>>,
         at: Tai,
-    ) -> Result<(), SceneError> {
-        let vantage = Vantage::of(&self.observer, at, self.light_deflection)?;
+    ) -> Result<(), Refused> {
+        let vantage = Vantage::of(&self.observer, at, self.light_deflection).map_err(error::observer)?;
         self.sight = Some(vantage.sight());
         self.radius_rad = self.field_rad + cone_margin_rad(self.epoch_yr, self.fastest_mas_yr, at, &vantage);
         let margin_rad = self.radius_rad - self.half_diagonal_rad + sweep_rad;
@@ -201,7 +201,7 @@ impl SkyView {
             self.sources.clear();
             return Ok(());
         };
-        self.shortfall = self.tiles.take_field(axis, radius_rad)?;
+        self.shortfall = self.tiles.take_field(axis, radius_rad).map_err(error::stars)?;
         let chord2 = chord_squared(radius_rad);
         let is_wanted = |star: &TileStar| match &bounds {
             Some(bounds) => bounds.may_have(star.direction_icrf),

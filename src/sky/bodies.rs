@@ -7,9 +7,9 @@
 //! Both are of an [`ObserverTrack`]. Limits: an observer at the barycentre has no such sky and is refused; for one at
 //! the geocentre the Earth is left out. Tests: below; `tests/physics/bodies.rs`; the Moon in [`crate::moon`].
 
-use crate::{ObserverError, ephemeris, moon, orbit};
+use crate::{ephemeris, moon, orbit};
 use crate::{observer::ObserverTrack, planets::Planet, spheroid::Spheroid, state::BarycentricState};
-use base::time::Tai;
+use base::{refused::Refused, time::Tai};
 use glam::DVec3;
 
 /// Positions from the observer, ICRF axes, km.
@@ -74,8 +74,16 @@ impl ObserverTrack {
     ///
     /// # Errors
     /// When SGP4 cannot follow the elements to `at`, or the observer is at the barycentre.
-    pub fn bodies(&self, at: Tai) -> Result<Bodies, ObserverError> {
-        let observer_km = self.geocentric_state(at)?.ok_or(ObserverError::NoBodies)?.position_km;
+    pub fn bodies(&self, at: Tai) -> Result<Bodies, Refused> {
+        let observer_km = self
+            .geocentric_state(at)?
+            .ok_or_else(|| {
+                Refused(
+                    "Sun, Moon and Earth: wanted an observer near the Earth, got one at rest at the barycentre"
+                        .to_owned(),
+                )
+            })?
+            .position_km;
         let from_barycentre_km = self.barycentric_state(at)?.position_km;
         let is_there = self.is_geocentre();
         Ok(Bodies {
@@ -89,9 +97,13 @@ impl ObserverTrack {
     ///
     /// # Errors
     /// As for [`Self::bodies`], and when the ephemeris table is damaged.
-    pub fn standpoint(&self, at: Tai) -> Result<Standpoint, ObserverError> {
-        ephemeris::check()?;
-        let from_earth = self.geocentric_state(at)?.ok_or(ObserverError::NoBodies)?;
+    pub fn standpoint(&self, at: Tai) -> Result<Standpoint, Refused> {
+        ephemeris::check().map_err(Refused::of)?;
+        let from_earth = self.geocentric_state(at)?.ok_or_else(|| {
+            Refused(
+                "Sun, Moon and Earth: wanted an observer near the Earth, got one at rest at the barycentre".to_owned(),
+            )
+        })?;
         let observer = self.barycentric_state(at)?;
         let from_sun_km = observer.position_km - self.sun_state(at).position_km;
         Ok(Standpoint {

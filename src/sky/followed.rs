@@ -9,7 +9,8 @@
 //! aberration. Tests: below, on both sides of [`GAP`] and of [`FAR`].
 
 use crate::orbit::{CentralBody, TwoBodyOrbit};
-use crate::{ObserverError, state::BarycentricState};
+use crate::state::BarycentricState;
+use base::refused::Refused;
 use base::time::{Span, Tai};
 use glam::DVec3;
 use std::collections::VecDeque;
@@ -39,7 +40,7 @@ impl FollowedStates {
     ///
     /// # Errors
     /// When a number is not finite, too large, or below the surface of the body.
-    pub fn take(&mut self, at: Tai, state: BarycentricState) -> Result<(), ObserverError> {
+    pub fn take(&mut self, at: Tai, state: BarycentricState) -> Result<(), Refused> {
         self.check(at, &state)?;
         let place = self.states.partition_point(|(epoch, _)| *epoch < at);
         if let Some(known) = self.states.get_mut(place).filter(|(epoch, _)| *epoch == at) {
@@ -57,11 +58,15 @@ impl FollowedStates {
         Ok(())
     }
 
-    fn check(&self, at: Tai, state: &BarycentricState) -> Result<(), ObserverError> {
+    fn check(&self, at: Tai, state: &BarycentricState) -> Result<(), Refused> {
         let Some(about) = self.about else {
             let got = state.position_km.length() + state.velocity_km_s.length();
             let (parameter, wanted) = ("position_km and velocity_km_s", "finite numbers");
-            return if got.is_finite() { Ok(()) } else { Err(ObserverError::TwoBody { parameter, wanted, got }) };
+            return if got.is_finite() {
+                Ok(())
+            } else {
+                Err(Refused(format!("two-body orbit: {parameter} wanted {wanted}, got {got}")))
+            };
         };
         check_state(about, at, *state)
     }
@@ -70,7 +75,7 @@ impl FollowedStates {
     ///
     /// # Errors
     /// When the motion leads below the surface of the body.
-    pub fn at(&self, at: Tai) -> Result<Option<BarycentricState>, ObserverError> {
+    pub fn at(&self, at: Tai) -> Result<Option<BarycentricState>, Refused> {
         let after = self.states.partition_point(|(epoch, _)| *epoch <= at);
         let before = after.checked_sub(1).and_then(|place| self.states.get(place));
         let state = match (before, self.states.get(after)) {
@@ -94,7 +99,7 @@ impl FollowedStates {
     }
 
     /// Returns a state moved to another instant: on a conic about the body, or on a straight line at the barycentre.
-    fn moved(&self, from: (Tai, BarycentricState), at: Tai) -> Result<BarycentricState, ObserverError> {
+    fn moved(&self, from: (Tai, BarycentricState), at: Tai) -> Result<BarycentricState, Refused> {
         let (epoch, state) = from;
         if epoch == at {
             return Ok(state);
@@ -125,25 +130,25 @@ fn hermite(earlier: (Tai, BarycentricState), later: (Tai, BarycentricState), at:
 
 /// Refuses a state that no orbit about the body has: not finite, faster than anything that passes the body, or below its
 /// surface.
-pub(crate) fn check_state(about: CentralBody, at: Tai, state: BarycentricState) -> Result<(), ObserverError> {
+pub(crate) fn check_state(about: CentralBody, at: Tai, state: BarycentricState) -> Result<(), Refused> {
     above_surface(about, at, state)?;
     TwoBodyOrbit::from_state(at, state.position_km, state.velocity_km_s, about.gm_km3_s2())?;
     let (speed_km_s, most_km_s) = (state.velocity_km_s.length(), about.fastest_km_s());
     if speed_km_s > most_km_s {
-        return Err(ObserverError::TooFast { about, at, speed_km_s, most_km_s });
+        return Err(Refused(format!(
+            "the orbit about {about} has {speed_km_s:.1} km/s at {at}: wanted at most {most_km_s} km/s; check units"
+        )));
     }
     Ok(())
 }
 
 /// Returns a state about a body, unless it is below its surface.
-pub(crate) fn above_surface(
-    about: CentralBody,
-    at: Tai,
-    state: BarycentricState,
-) -> Result<BarycentricState, ObserverError> {
+pub(crate) fn above_surface(about: CentralBody, at: Tai, state: BarycentricState) -> Result<BarycentricState, Refused> {
     let (distance_km, surface_km) = (state.position_km.length(), about.surface_km());
     if distance_km < surface_km {
-        return Err(ObserverError::BelowSurface { about, at, distance_km, surface_km });
+        return Err(Refused(format!(
+            "the orbit about {about} is {distance_km:.1} km from its centre at {at}: wanted {surface_km} km or more; check epoch and units"
+        )));
     }
     Ok(state)
 }

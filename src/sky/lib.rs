@@ -19,7 +19,6 @@ pub mod astrometry;
 pub mod bodies;
 pub mod earth;
 pub mod ephemeris;
-mod error;
 pub mod followed;
 pub mod magnitude;
 pub mod moon;
@@ -31,5 +30,3 @@ pub mod spheroid;
 mod state;
 pub mod sun;
 pub mod target;
-
-pub use error::ObserverError;

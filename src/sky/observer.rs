@@ -8,10 +8,10 @@
 
 use crate::almanac::Almanac;
 use crate::followed::{FollowedStates, above_surface};
+use crate::moon;
 use crate::orbit::{CentralBody, CircularOrbit, TleOrbit, TwoBodyOrbit};
 pub use crate::state::BarycentricState;
-use crate::{ObserverError, moon};
-use base::time::Tai;
+use base::{refused::Refused, time::Tai};
 use histories::{Centre, OrbitHistory};
 use std::sync::Arc;
 
@@ -52,7 +52,7 @@ impl Observer {
     ///
     /// # Errors
     /// When SGP4 cannot follow the elements to `at`, a file has no state there, or the orbit is below the surface.
-    pub fn relative_state(&self, at: Tai) -> Result<BarycentricState, ObserverError> {
+    pub fn relative_state(&self, at: Tai) -> Result<BarycentricState, Refused> {
         match self {
             Self::Barycentre | Self::Geocentre => Ok(BarycentricState::default()),
             Self::Tle(orbit) => orbit.geocentric_state(at),
@@ -73,10 +73,12 @@ fn body_of(centre: Centre) -> Option<CentralBody> {
     }
 }
 
-fn tabulated(history: &OrbitHistory, at: Tai) -> Result<BarycentricState, ObserverError> {
+fn tabulated(history: &OrbitHistory, at: Tai) -> Result<BarycentricState, Refused> {
     let missing = || {
         let [first, last] = history.span_ns().map(Tai::from_ns);
-        ObserverError::NoState { at, first, last }
+        Refused(format!(
+            "the observer's file has no state at {at}: it goes from {first} to {last}; wanted one that covers the run without gaps"
+        ))
     };
     let found = history.at_ns(at.ns()).ok_or_else(missing)?;
     let state = BarycentricState { position_km: found.position_km, velocity_km_s: found.velocity_km_s };
@@ -88,7 +90,7 @@ fn tabulated(history: &OrbitHistory, at: Tai) -> Result<BarycentricState, Observ
 /// # Errors
 /// With the instant of the first state that is not finite, faster than anything that passes the body, or below its
 /// surface.
-pub fn check_states(history: &OrbitHistory) -> Result<(), (Tai, ObserverError)> {
+pub fn check_states(history: &OrbitHistory) -> Result<(), (Tai, Refused)> {
     let mut states = FollowedStates::new(body_of(history.centre));
     for state in history.segments().iter().flat_map(|segment| segment.states()) {
         let (at, position_km, velocity_km_s) = (Tai::from_ns(state.t_ns), state.position_km, state.velocity_km_s);
@@ -122,7 +124,7 @@ impl ObserverTrack {
     ///
     /// # Errors
     /// When a number is not finite, too large, or below the surface of the body.
-    pub fn follow(&mut self, at: Tai, state: BarycentricState) -> Result<(), ObserverError> {
+    pub fn follow(&mut self, at: Tai, state: BarycentricState) -> Result<(), Refused> {
         let about = self.observer.about();
         self.followed.get_or_insert_with(|| Box::new(FollowedStates::new(about))).take(at, state)
     }
@@ -152,7 +154,7 @@ impl ObserverTrack {
     ///
     /// # Errors
     /// As for [`Observer::relative_state`].
-    pub fn relative_state(&self, at: Tai) -> Result<BarycentricState, ObserverError> {
+    pub fn relative_state(&self, at: Tai) -> Result<BarycentricState, Refused> {
         let followed = self.followed.as_ref().map(|states| states.at(at)).transpose()?.flatten();
         followed.map_or_else(|| self.observer.relative_state(at), Ok)
     }
@@ -161,7 +163,7 @@ impl ObserverTrack {
     ///
     /// # Errors
     /// As for [`Observer::relative_state`].
-    pub fn barycentric_state(&self, at: Tai) -> Result<BarycentricState, ObserverError> {
+    pub fn barycentric_state(&self, at: Tai) -> Result<BarycentricState, Refused> {
         let relative = self.relative_state(at)?;
         Ok(relative
             + match self.observer.about() {
@@ -176,7 +178,7 @@ impl ObserverTrack {
     ///
     /// # Errors
     /// As for [`Observer::relative_state`].
-    pub fn geocentric_state(&self, at: Tai) -> Result<Option<BarycentricState>, ObserverError> {
+    pub fn geocentric_state(&self, at: Tai) -> Result<Option<BarycentricState>, Refused> {
         let relative = self.relative_state(at)?;
         Ok(self.observer.about().map(|about| match about {
             CentralBody::Earth => relative,

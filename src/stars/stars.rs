@@ -1,7 +1,8 @@
 //! Where the stars of a run come from: the built-in catalog, or layers on disk.
 
-use crate::layer::{LayerError, LayerSet};
+use crate::layer::LayerSet;
 use crate::{catalog::Catalog, tiles::TileStar};
+use base::refused::Refused;
 use std::{path::PathBuf, sync::Arc};
 
 /// The stars of a run; shared by all that look at them.
@@ -28,7 +29,7 @@ impl Sky {
     ///
     /// # Errors
     /// As [`Self::open`].
-    pub fn faintest(layers: &[PathBuf], limiting_mag: f32, fields: FieldMemory) -> Result<f32, LayerError> {
+    pub fn faintest(layers: &[PathBuf], limiting_mag: f32, fields: FieldMemory) -> Result<f32, Refused> {
         let sky = Self::open(layers, limiting_mag, fields.memory_mb)?;
         Ok(limiting_mag.min(sky.layers.faintest_of_fields(fields.radius_rad, sky.most_stars / 2)))
     }
@@ -38,9 +39,9 @@ impl Sky {
     ///
     /// # Errors
     /// When a layer cannot be read or is damaged, or the layers do not make one sky.
-    pub fn open(layers: &[PathBuf], limiting_mag: f32, memory_mb: u32) -> Result<Self, LayerError> {
+    pub fn open(layers: &[PathBuf], limiting_mag: f32, memory_mb: u32) -> Result<Self, Refused> {
         if layers.is_empty() {
-            let built_in = Catalog::built_in().map_err(LayerError::Catalog)?;
+            let built_in = Catalog::built_in().map_err(Refused::of)?;
             let layers = Arc::new(LayerSet::of_catalog(built_in, limiting_mag));
             return Ok(Self { layers, most_stars: u64::MAX });
         }

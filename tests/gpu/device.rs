@@ -2,7 +2,7 @@
 
 use crate::scene::device;
 use starloop_image::gpu::{AdapterChoice, GpuDevice, GpuError};
-use starloop_image::render::{Backend, RenderError};
+use starloop_image::render::Backend;
 use starloop_image::{gpu::passes::ComputePass, render::gpu::Gpu};
 
 #[test]
@@ -24,7 +24,10 @@ fn a_refused_shader_is_an_error_and_the_device_stays_failed() {
     let refused = ComputePass::new(&own, "nonsense", "fn main( {".into());
     assert!(matches!(refused, Err(GpuError::Failed(_))), "{refused:?}");
     assert!(own.check().is_err() && own.wait().is_err(), "the failure is not forgotten");
-    assert!(matches!(Gpu::new(own, 8, 8), Err(RenderError::Device(_))), "nor passed over");
+    assert!(
+        matches!(&Gpu::new(own, 8, 8), Err(error) if error.to_string().starts_with("the GPU failed while drawing: ")),
+        "nor passed over"
+    );
 }
 
 #[test]
@@ -33,5 +36,5 @@ fn missing_adapter_and_oversized_image_are_refused() {
     let missing = GpuDevice::open(&AdapterChoice::Named("no such adapter".into()));
     assert!(matches!(missing, Err(GpuError::NoAdapter { .. })), "{missing:?}");
     let huge = Gpu::new(device, 20_000, 20_000);
-    assert!(matches!(huge, Err(RenderError::TooLarge { what: "electrons", .. })), "{:?}", huge.err());
+    assert!(matches!(&huge, Err(error) if error.to_string().starts_with("electrons: got ")), "{:?}", huge.err());
 }

@@ -12,11 +12,12 @@
 mod effects;
 
 use base::axes::{Icrf, Rotation, Sensor, sensor_from_ra_dec_roll};
+use base::refused::Refused;
 use base::units::{ARCSEC, DEG};
 use config::{Camera, Document};
 use frames::sink::png::write_dn_raw;
 use starloop_night_sky::read::{self, MOST_PIXELS};
-use starloop_night_sky::{CompareError, Compared, Comparer, Options, Picture};
+use starloop_night_sky::{Compared, Comparer, Options, Picture};
 use starloop_night_sky::{draw::draw, picture::Flip, sky_stars::When};
 use stars::Sky;
 use std::io::Cursor;
@@ -100,7 +101,7 @@ fn file(folder: &TempDir, name: &str, bytes: &[u8]) -> PathBuf {
     path
 }
 
-fn compared(picture: &Picture, options: Options) -> Result<Compared, CompareError> {
+fn compared(picture: &Picture, options: Options) -> Result<Compared, Refused> {
     let folder = TempDir::new().unwrap();
     let path = file(&folder, "frame.tiff", &tiff(picture, 16.0));
     Comparer::new(&document(), Path::new(START), options).unwrap().compare(&path)

@@ -4,13 +4,13 @@
 //! What is known only to the bench: distortion, tilt, roll, mirror, response, black level, vignetting, noise. What is
 //! known to both: the tracker's own camera, as from its data sheet.
 
-use base::image::Image;
 use base::time::{Span, Tai};
+use base::{image::Image, refused::Refused};
 use glam::{DVec2, DVec3};
 use image::detector::Nonlinearity;
 use outputs::display::calibration::spots::{FrameScale, sights_of_frame};
 use outputs::display::calibration::{
-    Calibration, CalibrationError, DisplayIdentity, Fitted, Grid, Plan, Sight, Tracker, TrackerIdentity, fit,
+    Calibration, DisplayIdentity, Fitted, Grid, Plan, Sight, Tracker, TrackerIdentity, fit,
 };
 use outputs::display::calibration::{fit::FitOptions, pattern::Pattern, report::MagnitudeRange};
 use outputs::display::luminance_code::{KNOTS, code, luminance};
@@ -53,7 +53,7 @@ fn options() -> FitOptions {
 }
 
 /// Returns the fit of a tracker whose file says that it vignettes nothing.
-fn fit_with(plan: &Plan, sights: &[Sight], camera: &CameraGeometry) -> Result<Fitted, CalibrationError> {
+fn fit_with(plan: &Plan, sights: &[Sight], camera: &CameraGeometry) -> Result<Fitted, Refused> {
     fit(plan, sights, &Tracker { name: "tracker", geometry: camera, illumination: &|_| 1.0 }, &options())
 }
 

@@ -4,9 +4,11 @@
 //! `crowding.csv`, a chart and a verdict: between two numbers of stars the time grows as their ratio to some power,
 //! which must be at most 1 (a frame has a part that all stars share). A frame's own part is measured without stars.
 
+use super::error;
+use crate::chart::Settings;
 use crate::chart::scenes::{Movement, Psf, Scene, Stars};
-use crate::chart::{ChartError, Settings};
 use crate::chart::{drawer::Drawer, stage::Stage, timing::Effort};
+use base::refused::Refused;
 use core::fmt::Write;
 use frames::report::plot::{Axis, Chart, Series, Style};
 use plan::exposure::MethodChoice;
@@ -61,7 +63,7 @@ fn scene(stars: usize, quick: bool) -> Scene {
 ///
 /// # Errors
 /// When a backend fails.
-pub fn measure(settings: &Settings, drawers: &mut [Drawer], effort: Effort) -> Result<Vec<CrowdingRow>, ChartError> {
+pub fn measure(settings: &Settings, drawers: &mut [Drawer], effort: Effort) -> Result<Vec<CrowdingRow>, Refused> {
     let mut rows = Vec::new();
     for drawer in drawers {
         let most = match (settings.quick, drawer.is_software_gpu()) {
@@ -70,15 +72,16 @@ pub fn measure(settings: &Settings, drawers: &mut [Drawer], effort: Effort) -> R
             (false, false) => usize::MAX,
         };
         for stars in STARS.into_iter().filter(|stars| *stars <= most) {
-            let stage = Stage::new(&scene(stars, settings.quick), settings.seed)?;
+            let stage = Stage::new(&scene(stars, settings.quick), settings.seed).map_err(error::camera)?;
             let mut planner = stage.planner(drawer.cost(), MethodChoice::Auto);
-            let plan_ms = effort.time(|| -> Result<(), ChartError> {
+            let plan_ms = effort.time(|| -> Result<(), Refused> {
                 planner.plan(&stage.sources);
                 Ok(())
             })?;
             let plan = planner.latest();
             let drawn = effort.time(|| drawer.draw(plan));
-            let failed = |source| ChartError::Drawing { scene: "crowding".into(), backend: drawer.name(), source };
+            let failed =
+                |source| Refused(format!("scene crowding, {backend} backend: {source}", backend = drawer.name()));
             let draw_ms = drawn.map_err(failed)?;
             rows.push(CrowdingRow {
                 backend: drawer.name().into(),

@@ -1,9 +1,9 @@
 //! The backends under test, and the reference: draw a plan and wait for the image in f64.
 
-use crate::chart::{Backends, ChartError};
-use base::image::Image;
+use crate::chart::Backends;
+use base::{image::Image, refused::Refused};
 use image::gpu::{AdapterChoice, Electrons, GpuDevice};
-use image::render::{Backend, RenderError};
+use image::render::Backend;
 use image::render::{cpu::Cpu, gpu::Gpu, reference::Reference};
 use plan::exposure::{ExposurePlan, cost::CostModel};
 use std::sync::Arc;
@@ -43,7 +43,7 @@ impl Drawer {
     ///
     /// # Errors
     /// When a GPU was requested by name and is not available.
-    pub fn open(backends: Backends) -> Result<(Vec<Self>, Option<String>), ChartError> {
+    pub fn open(backends: Backends) -> Result<(Vec<Self>, Option<String>), Refused> {
         let mut drawers = Vec::new();
         if backends != Backends::Gpu {
             drawers.push(Self::Cpu { size_px: 0, backend: Box::new(Cpu::new(0, 0)) });
@@ -53,7 +53,7 @@ impl Drawer {
         }
         match GpuDevice::open(&AdapterChoice::Best) {
             Ok(device) => drawers.push(Self::Gpu { device, size_px: 0, backend: None }),
-            Err(error) if backends == Backends::Gpu => return Err(ChartError::NoGpu(error)),
+            Err(error) if backends == Backends::Gpu => return Err(Refused(format!("--backend gpu: {error}"))),
             Err(error) => return Ok((drawers, Some(format!("no GPU: {error}")))),
         }
         Ok((drawers, None))
@@ -93,7 +93,7 @@ impl Drawer {
     ///
     /// # Errors
     /// When the backend refuses the plan or fails.
-    pub fn draw(&mut self, plan: &ExposurePlan) -> Result<(), RenderError> {
+    pub fn draw(&mut self, plan: &ExposurePlan) -> Result<(), Refused> {
         let wanted_px = plan.camera.width_px();
         match self {
             Self::Cpu { size_px, backend } => {
@@ -121,7 +121,7 @@ impl Drawer {
     ///
     /// # Errors
     /// When the backend refuses the plan or fails.
-    pub fn picture(&mut self, plan: &ExposurePlan) -> Result<Picture, RenderError> {
+    pub fn picture(&mut self, plan: &ExposurePlan) -> Result<Picture, Refused> {
         self.draw(plan)?;
         match self {
             Self::Cpu { backend, .. } => Ok(in_memory(&backend.electrons())),
@@ -140,7 +140,7 @@ impl Drawer {
 ///
 /// # Errors
 /// When the reference refuses the plan.
-pub fn truth(plan: &ExposurePlan) -> Result<Picture, RenderError> {
+pub fn truth(plan: &ExposurePlan) -> Result<Picture, Refused> {
     let mut reference = Reference::new(plan.camera.width_px(), plan.camera.height_px());
     reference.render(plan)?;
     Ok(in_memory(&reference.electrons()))

@@ -4,14 +4,15 @@
 //! and without alternate, so that other load on the machine affects both; medians. An effect that is off takes no time,
 //! because none of its code runs: "without" means a camera that does not name it.
 
+use super::error;
+use crate::chart::drawer::Drawer;
 use crate::chart::effect_cases::{DETECTOR, DRAWING, DrawingSwitch, Switch};
 use crate::chart::scenes::{Movement, Psf, Scene, Stars};
 use crate::chart::stage::{EXPOSURE_S, Stage};
-use crate::chart::{ChartError, drawer::Drawer};
 use base::image::{DnImage, Image};
-use base::{clock::Stopwatch, least_squares::median};
+use base::{clock::Stopwatch, least_squares::median, refused::Refused};
 use image::detector::{Background, Detector, DetectorConditions, DetectorParams};
-use image::{detector::gpu::GpuDetector, render::RenderError, render::gpu::Gpu};
+use image::{detector::gpu::GpuDetector, render::gpu::Gpu};
 use plan::exposure::MethodChoice;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -57,9 +58,9 @@ fn scene(quick: bool) -> Scene {
 ///
 /// # Errors
 /// When a backend fails.
-pub fn measure(quick: bool, drawers: &mut [Drawer]) -> Result<Vec<EffectRow>, ChartError> {
+pub fn measure(quick: bool, drawers: &mut [Drawer]) -> Result<Vec<EffectRow>, Refused> {
     let (scene, turns) = (scene(quick), if quick { 3 } else { MOST_TURNS });
-    let stage = Stage::new(&scene, 1)?;
+    let stage = Stage::new(&scene, 1).map_err(error::camera)?;
     let mut rows = Vec::new();
     for drawer in drawers {
         for (effect, switch) in DRAWING {
@@ -75,7 +76,7 @@ pub fn measure(quick: bool, drawers: &mut [Drawer]) -> Result<Vec<EffectRow>, Ch
 }
 
 /// Returns the time of planning and drawing without and with an effect, ms.
-fn drawing(stage: &Stage, switch: DrawingSwitch, drawer: &mut Drawer, turns: usize) -> Result<[f64; 2], RenderError> {
+fn drawing(stage: &Stage, switch: DrawingSwitch, drawer: &mut Drawer, turns: usize) -> Result<[f64; 2], Refused> {
     let mut with = stage.clone();
     if let DrawingSwitch::Instrument(switch) = switch {
         switch(&mut with.instrument);
@@ -88,7 +89,7 @@ fn drawing(stage: &Stage, switch: DrawingSwitch, drawer: &mut Drawer, turns: usi
 }
 
 /// Returns the time of readout without and with an effect, ms.
-fn detector(size_px: usize, switch: Switch, drawer: &Drawer, turns: usize) -> Result<[f64; 2], RenderError> {
+fn detector(size_px: usize, switch: Switch, drawer: &Drawer, turns: usize) -> Result<[f64; 2], Refused> {
     let mut params = DetectorParams::QUIET;
     if let Switch::Params(switch) = switch {
         switch(&mut params);
@@ -100,8 +101,8 @@ fn detector(size_px: usize, switch: Switch, drawer: &Drawer, turns: usize) -> Re
     by_turns(turns, |i| readouts[i].collect())
 }
 
-fn failed(effect: &'static str, error: &dyn core::fmt::Display) -> ChartError {
-    ChartError::Effect { effect, why: error.to_string() }
+fn failed(effect: &'static str, error: &dyn core::fmt::Display) -> Refused {
+    Refused(format!("effect \"{effect}\": {error}"))
 }
 
 fn row(drawer: &Drawer, part: &str, effect: &str, [without_ms, with_ms]: [f64; 2]) -> EffectRow {
@@ -141,7 +142,7 @@ enum OnBackend {
 }
 
 impl Readout {
-    fn new(params: DetectorParams, size_px: usize, drawer: &Drawer) -> Result<Self, RenderError> {
+    fn new(params: DetectorParams, size_px: usize, drawer: &Drawer) -> Result<Self, Refused> {
         let detector = Detector::new(params, size_px, size_px, 1);
         let [width, height] = params.spatial.output([size_px; 2]).size_px;
         let out = DnImage::new(width, height);
@@ -163,7 +164,7 @@ impl Readout {
     }
 
     /// Lights the detector; unevenly if a size is given.
-    fn light_up(&mut self, background: Background, uneven_px: Option<usize>) -> Result<(), RenderError> {
+    fn light_up(&mut self, background: Background, uneven_px: Option<usize>) -> Result<(), Refused> {
         let map = uneven_px.map(|side| vec![0.9_f32; side * side]);
         match &mut self.detector {
             OnBackend::Cpu { detector, .. } => {
@@ -179,7 +180,7 @@ impl Readout {
         Ok(())
     }
 
-    fn collect(&mut self) -> Result<(), RenderError> {
+    fn collect(&mut self) -> Result<(), Refused> {
         self.frame += 1;
         match &mut self.detector {
             OnBackend::Cpu { detector, light } => {

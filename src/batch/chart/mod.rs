@@ -13,6 +13,8 @@
 //! predicted times are those of planning and drawing. Errors on fields of many stars are those of a few isolated stars.
 //! *Validation.* `tests/physics/chart.rs` runs the quick form.
 
+use base::refused::Refused;
+
 pub mod crowding;
 pub mod drawer;
 pub mod effect_cases;
@@ -32,7 +34,6 @@ pub mod sweep;
 mod table;
 pub mod timing;
 
-pub use error::ChartError;
 pub use rows::MethodRow;
 
 use drawer::Drawer;
@@ -113,7 +114,7 @@ impl Steps<'_> {
 ///
 /// # Errors
 /// When the requested backend is not available, or fails.
-pub fn run(settings: &Settings, announce: &mut dyn FnMut(&Step)) -> Result<Charted, ChartError> {
+pub fn run(settings: &Settings, announce: &mut dyn FnMut(&Step)) -> Result<Charted, Refused> {
     let (mut drawers, missing) = Drawer::open(settings.backends)?;
     let scenes = scenes::scenes(settings.quick);
     let effort = Effort::new(settings.quick);
@@ -158,8 +159,11 @@ pub fn run(settings: &Settings, announce: &mut dyn FnMut(&Step)) -> Result<Chart
     Ok(Charted { files, methods, sampling: samplings, summary })
 }
 
-fn csv<R: serde::Serialize>(name: &str, rows: &[R]) -> Result<File, ChartError> {
-    Ok(File { name: format!("{name}.csv"), text: csv_text(rows)? })
+fn csv<R: serde::Serialize>(name: &str, rows: &[R]) -> Result<File, Refused> {
+    Ok(File {
+        name: format!("{name}.csv"),
+        text: csv_text(rows).map_err(|why| Refused(format!("rows do not go into CSV: {why}")))?,
+    })
 }
 
 fn svg((name, chart): &(String, Chart)) -> File {

@@ -1,7 +1,8 @@
 //! Distance from Poisson's law, its bound and the time per pixel of every Poisson method, over its domain.
 
-use crate::chart::{ChartError, timing::Effort};
+use crate::chart::timing::Effort;
 use base::image::{DnImage, Image};
+use base::refused::Refused;
 use core::convert::Infallible;
 use frames::report::plot::{Axis, Chart, Series, Style};
 use image::detector::poisson::distance::distance;
@@ -40,10 +41,10 @@ fn lambdas_e(quick: bool) -> Vec<f64> {
 ///
 /// # Errors
 /// When the measuring thread cannot be started.
-pub fn measure(quick: bool, effort: Effort) -> Result<Vec<PoissonRow>, ChartError> {
+pub fn measure(quick: bool, effort: Effort) -> Result<Vec<PoissonRow>, Refused> {
     let side_px = if quick { 128 } else { 512 };
     let thread = rayon::ThreadPoolBuilder::new().num_threads(1).build();
-    let thread = thread.map_err(|error| ChartError::Thread(error.to_string()))?;
+    let thread = thread.map_err(|error| Refused(format!("no thread to measure Poisson methods on: {error}")))?;
     let mut rows = Vec::new();
     for method in PoissonMethod::ALL {
         let mut detector = Detector::new(shot_only(method), side_px, side_px, 1);

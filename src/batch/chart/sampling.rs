@@ -1,8 +1,10 @@
 //! PSF sampling: error of every method against the width of the PSF, without motion.
 
+use super::error;
+use crate::chart::Settings;
 use crate::chart::sweep::{blank_row, measure, refuse};
-use crate::chart::{ChartError, Settings};
 use crate::chart::{drawer::Drawer, rows::MethodRow, scenes::Scene, stage::Stage, timing::Effort};
+use base::refused::Refused;
 use frames::report::plot::{Axis, Chart, Series, Style};
 use plan::exposure::method::MethodName;
 use plan::exposure::{MethodChoice, PsfSampling};
@@ -25,8 +27,8 @@ pub fn measure_all(
     drawers: &mut [Drawer],
     effort: Effort,
     rows: &mut Vec<MethodRow>,
-) -> Result<(), ChartError> {
-    let mut stage = Stage::new(&Scene::still(sigma_px), settings.seed)?;
+) -> Result<(), Refused> {
+    let mut stage = Stage::new(&Scene::still(sigma_px), settings.seed).map_err(error::camera)?;
     let mut known = None;
     for drawer in drawers {
         for sampling in PsfSampling::CHARTED {

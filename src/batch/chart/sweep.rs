@@ -1,13 +1,14 @@
 //! One scene, every method, every backend -> rows.
 
+use super::error;
+use crate::chart::Settings;
 use crate::chart::drawer::{Drawer, Picture, truth};
 use crate::chart::measure::{Errors, brightest_e};
 use crate::chart::rows::{MethodRow, NOT_DRAWN};
 use crate::chart::scenes::{Movement, Scene};
 use crate::chart::stage::{READ_NOISE_E, Stage};
 use crate::chart::timing::Effort;
-use crate::chart::{ChartError, Settings};
-use image::render::RenderError;
+use base::refused::Refused;
 use plan::exposure::method::MethodName;
 use plan::exposure::{ExposurePlan, MethodChoice, Planner};
 
@@ -66,8 +67,8 @@ pub fn measure_scene(
     effort: Effort,
     mut begin: impl FnMut(String),
     rows: &mut Vec<MethodRow>,
-) -> Result<(), ChartError> {
-    let stage = Stage::new(scene, settings.seed)?;
+) -> Result<(), Refused> {
+    let stage = Stage::new(scene, settings.seed).map_err(error::camera)?;
     let effort = if scene.is_for_speed() { effort.times(SPEED_EFFORT) } else { effort };
     let mut known = None;
     for drawer in drawers {
@@ -79,7 +80,11 @@ pub fn measure_scene(
             match measure(&stage, planner, drawer, effort, &mut known, &mut row) {
                 Ok(()) => {}
                 Err(source) if choice == MethodChoice::Auto => {
-                    return Err(ChartError::Drawing { scene: scene.name.into(), backend: drawer.name(), source });
+                    return Err(Refused(format!(
+                        "scene {scene}, {backend} backend: {source}",
+                        scene = scene.name,
+                        backend = drawer.name()
+                    )));
                 }
                 Err(error) => refuse(&mut row, &error),
             }
@@ -90,7 +95,7 @@ pub fn measure_scene(
 }
 
 /// Marks a row that a backend refused to draw.
-pub fn refuse(row: &mut MethodRow, error: &RenderError) {
+pub fn refuse(row: &mut MethodRow, error: &Refused) {
     row.verdict = NOT_DRAWN.into();
     row.note = error.to_string();
 }
@@ -106,7 +111,7 @@ pub fn measure(
     effort: Effort,
     known: &mut Option<Truth>,
     row: &mut MethodRow,
-) -> Result<(), RenderError> {
+) -> Result<(), Refused> {
     let plan = planner.plan(&stage.sources);
     row.promise(&plan.chosen);
     row.stars = plan.stars.len();
@@ -120,7 +125,7 @@ pub fn measure(
     let drawing = effort.time(|| drawer.draw(plan))?;
     let planning = effort.time(|| {
         planner.plan(&stage.sources);
-        Ok::<_, RenderError>(())
+        Ok::<_, Refused>(())
     })?;
     (row.draw_ms, row.plan_ms) = (drawing.median_ms, planning.median_ms);
     row.fastest_ms = drawing.least_ms;
@@ -136,7 +141,7 @@ pub struct Truth {
 
 impl Truth {
     /// Returns the known image, or a new one if the stars differ.
-    fn of<'a>(known: &'a mut Option<Self>, plan: &ExposurePlan) -> Result<&'a Picture, RenderError> {
+    fn of<'a>(known: &'a mut Option<Self>, plan: &ExposurePlan) -> Result<&'a Picture, Refused> {
         let ids: Vec<u32> = plan.stars.iter().map(|star| star.id).collect();
         let truth = match known.take() {
             Some(truth) if truth.ids == ids => truth,

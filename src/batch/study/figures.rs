@@ -1,11 +1,11 @@
 //! Points -> `study.csv`, charts as SVG, a table for a terminal.
 
+use super::Study;
 use super::point::{
     ACTUATION_DELAY, Agreement, JITTER, PHASE_MARGIN, POINTING_ERROR, REJECTION, StudyPoint, TRACKER_DELAY,
 };
-use super::{Study, StudyError};
 use crate::chart::{File, rows::csv_text};
-use base::units::DEG;
+use base::{refused::Refused, units::DEG};
 use core::f64::consts::TAU;
 use frames::report::plot::{Axis, Chart, Series, Style, to_svg};
 
@@ -16,10 +16,10 @@ const CURVE_POINTS: u32 = 200;
 ///
 /// # Errors
 /// When the table cannot be written.
-pub(super) fn files(study: &Study, points: &[StudyPoint]) -> Result<Vec<File>, StudyError> {
+pub(super) fn files(study: &Study, points: &[StudyPoint]) -> Result<Vec<File>, Refused> {
     let svg = |name: &str, chart: Chart| File { name: format!("{name}.svg"), text: to_svg(&chart) };
     Ok(vec![
-        File { name: "study.csv".into(), text: csv_text(points)? },
+        File { name: "study.csv".into(), text: csv_text(points).map_err(|why| Refused(format!("study.csv: {why}")))? },
         svg("phase_margin", phase_margin(study, points)),
         svg("jitter_rejection", rejection(study, points)),
         svg("pointing_error", pointing_error(points)),

@@ -10,6 +10,8 @@
 //! rejection), `noise` (pointing error, time tags, beyond the margin), `figures` (charts, table). Tests: `tests`,
 //! `tests/closed_loop/study.rs`.
 
+use base::refused::Refused;
+
 pub mod figures;
 pub mod frequency;
 mod noise;
@@ -36,28 +38,6 @@ use trial::{Injection, at_rest};
 
 /// Factor on the delay margin at which the loop must lose the target.
 const BEYOND: f64 = 1.25;
-
-/// Reason why a study cannot be done.
-#[derive(Debug, thiserror::Error)]
-pub enum StudyError {
-    /// a run failed
-    #[error("{point}: {why}")]
-    Run {
-        /// Name of the point.
-        point: String,
-        /// Cause.
-        why: Box<LoopError>,
-    },
-    /// a spacecraft is needed
-    #[error("got a run without a spacecraft; wanted one whose control can be studied")]
-    NothingFlown,
-    /// the scenario's control has no crossover
-    #[error("the control's gain is one at no frequency: wanted a fine pointing loop within its control period")]
-    NoCrossover,
-    /// the table cannot be written
-    #[error("study.csv: {0}")]
-    Table(#[from] csv::Error),
-}
 
 /// Scope of a study.
 #[derive(Debug, Clone, PartialEq)]
@@ -165,17 +145,28 @@ impl Study {
     ///
     /// # Errors
     /// When its control has no crossover.
-    pub fn new(scenario: &Scenario, effort: Effort) -> Result<Self, StudyError> {
+    pub fn new(scenario: &Scenario, effort: Effort) -> Result<Self, Refused> {
         let still = at_rest(scenario, 1.0, 1.0, &Injection::NONE);
         let at = match still.bench.timing.start {
             StartTime::At(at) => at,
             StartTime::Now => base::time::Tai::from_ns(0),
         };
-        let vehicle = vehicle_params(&still, still.vehicle().ok_or(StudyError::NothingFlown)?, at);
+        let vehicle = vehicle_params(
+            &still,
+            still.vehicle().ok_or_else(|| {
+                Refused("got a run without a spacecraft; wanted one whose control can be studied".to_owned())
+            })?,
+            at,
+        );
         let paper = LoopOnPaper::of(&vehicle);
         let exposure = &scenario.bench.camera.exposure;
         Ok(Self {
-            crossover_rad_s: paper.crossover_rad_s().ok_or(StudyError::NoCrossover)?,
+            crossover_rad_s: paper.crossover_rad_s().ok_or_else(|| {
+                Refused(
+                    "the control's gain is one at no frequency: wanted a fine pointing loop within its control period"
+                        .to_owned(),
+                )
+            })?,
             control_period_s: vehicle.acs.control_period.s(),
             step_s: vehicle.spacecraft.step.s(),
             frame_period_s: 1.0 / scenario.bench.timing.frame_rate_hz,
@@ -201,17 +192,16 @@ impl Study {
     ///
     /// # Errors
     /// When a run fails.
-    pub fn run(&self, announce: &(dyn Fn(usize, usize, &str) + Sync)) -> Result<Studied, StudyError> {
+    pub fn run(&self, announce: &(dyn Fn(usize, usize, &str) + Sync)) -> Result<Studied, Refused> {
         let parts = self.parts();
         let done = AtomicUsize::new(0);
         let measure = |part: &Part| {
             let name = part.name();
-            let points =
-                self.measure(part).map_err(|why| StudyError::Run { point: name.clone(), why: Box::new(why) })?;
+            let points = self.measure(part).map_err(|why| Refused(format!("{name}: {why}")))?;
             announce(done.fetch_add(1, Ordering::Relaxed) + 1, parts.len(), &name);
             Ok(points)
         };
-        let found: Result<Vec<Vec<StudyPoint>>, StudyError> = parts.par_iter().map(measure).collect();
+        let found: Result<Vec<Vec<StudyPoint>>, Refused> = parts.par_iter().map(measure).collect();
         let mut points = found?.concat();
         points.extend(frequency::delay_margin(self, &points));
         Ok(Studied { files: figures::files(self, &points)?, summary: figures::table(&points), points })

@@ -11,10 +11,10 @@ use crate::render::bands::{BAND_ROWS, BLOCK, Bands, NO_KERNEL, NodeColumns, Spot
 use crate::render::stamp::{Stamped, stamp};
 use crate::render::table::{Form, PsfTable};
 use crate::render::whole::{TILE_PX, WholeImage};
-use crate::render::{Backend, RenderError, check_kernel, check_sampling};
+use crate::render::{Backend, check_kernel, check_sampling};
 use crate::render::{grid::LANES, plan_tables::PlanTables, profile::Profile, taps::Taps};
 use base::fused::{mul_add, whole_bits};
-use base::{image::Image, region::Regions};
+use base::{image::Image, refused::Refused, region::Regions};
 use plan::exposure::{ExposurePlan, sampling::ANALYTIC_HALF_PX};
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
@@ -56,7 +56,7 @@ impl Backend for Cpu {
         format!("{} threads, vector level {simd}", rayon::current_num_threads())
     }
 
-    fn render(&mut self, plan: &ExposurePlan) -> Result<(), RenderError> {
+    fn render(&mut self, plan: &ExposurePlan) -> Result<(), Refused> {
         check_kernel(plan)?;
         check_sampling(plan, self.tables.is_analytic(plan))?;
         self.tables.prepare(plan);

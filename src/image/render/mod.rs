@@ -24,10 +24,10 @@ mod taps;
 mod whole;
 
 use crate::gpu::Electrons;
-use base::region::Regions;
+use base::{refused::Refused, region::Regions};
 use plan::exposure::plan::{LONGEST_KERNEL_PX, MOST_KERNEL_BYTES, MOST_KERNELS, StarClass, Verdict};
 use plan::exposure::sampling::{oversampling, table_images};
-use plan::exposure::{ExposurePlan, Method, PsfSampling};
+use plan::exposure::{ExposurePlan, PsfSampling};
 
 /// Draws plans.
 pub trait Backend: Send {
@@ -41,7 +41,7 @@ pub trait Backend: Send {
     ///
     /// # Errors
     /// When the device failed.
-    fn render(&mut self, plan: &ExposurePlan) -> Result<(), RenderError>;
+    fn render(&mut self, plan: &ExposurePlan) -> Result<(), Refused>;
 
     /// Limits drawing, from the next image on, to these parts of the sensor, in sensor pixels. A backend may draw all
     /// of it, or leave old values in the other pixels.
@@ -56,20 +56,34 @@ pub trait Backend: Send {
 /// # Errors
 /// When the tables of a field of PSFs are too large, the path leads further than [`LONGEST_KERNEL_PX`] from its mean,
 /// or there are too many kernels.
-pub fn check_kernel(plan: &ExposurePlan) -> Result<(), RenderError> {
+pub fn check_kernel(plan: &ExposurePlan) -> Result<(), Refused> {
     let long = plan.extent_px.is_nan() || plan.extent_px > LONGEST_KERNEL_PX;
     if plan.has_kernel() && long {
-        return Err(RenderError::KernelTooLong { extent_px: plan.extent_px });
+        return Err(Refused(format!(
+            "effective-psf: the path leads {extent_px:.0} px from its mean, wanted at most {LONGEST_KERNEL_PX} px; use \
+         samples or auto",
+            extent_px = plan.extent_px
+        )));
     }
     let nodes = plan.psf.nodes().len();
     let side = 2 * plan.half_px + 1;
     let bytes = nodes * table_images(oversampling(&plan.psf)) * side * side.next_multiple_of(16) * size_of::<f32>();
     if nodes > 1 && bytes > MOST_KERNEL_BYTES {
-        return Err(RenderError::FieldTooLarge { nodes, half_px: plan.half_px, got_mib: bytes >> 20 });
+        return Err(Refused(format!(
+            "the tables of {nodes} PSFs over the field, {half_px} px to each side, would take {got_mib} MiB, wanted at most {} MiB; \
+         take fewer nodes, PSFs on smaller grids, or a looser flux budget",
+            MOST_KERNEL_BYTES >> 20,
+            half_px = plan.half_px,
+            got_mib = bytes >> 20
+        )));
     }
     let too_many = |class: &StarClass| class.chosen.verdict == Verdict::TooManyKernels;
     if let Some(class) = plan.classes.iter().find(|class| too_many(class)) {
-        return Err(RenderError::TooManyKernels { method: class.chosen.method });
+        return Err(Refused(format!(
+            "{method}: its kernels would take more than {} MiB or {MOST_KERNELS} tables; use samples or auto",
+            MOST_KERNEL_BYTES >> 20,
+            method = class.chosen.method
+        )));
     }
     Ok(())
 }
@@ -78,71 +92,20 @@ pub fn check_kernel(plan: &ExposurePlan) -> Result<(), RenderError> {
 ///
 /// # Errors
 /// When the sampling is neither automatic nor a table, and the PSF is not drawn analytically.
-pub fn check_sampling(plan: &ExposurePlan, is_analytic: bool) -> Result<(), RenderError> {
+pub fn check_sampling(plan: &ExposurePlan, is_analytic: bool) -> Result<(), Refused> {
     match plan.sampling {
         PsfSampling::Auto | PsfSampling::Table { .. } => Ok(()),
         PsfSampling::Supersampled { .. } | PsfSampling::Point | PsfSampling::Bicubic => {
             let is_drawn = is_analytic && !plan.has_kernel();
-            if is_drawn { Ok(()) } else { Err(RenderError::Sampling { sampling: plan.sampling }) }
+            if is_drawn {
+                Ok(())
+            } else {
+                Err(Refused(format!(
+                    "PSF sampling \"{sampling}\" is for narrow Gaussian PSFs on the CPU backend, drawn star by star: use auto or table:S, \
+         or another method",
+                    sampling = plan.sampling
+                )))
+            }
         }
     }
-}
-
-/// Why a frame could not be drawn.
-#[derive(Debug, thiserror::Error)]
-pub enum RenderError {
-    /// no usable GPU
-    #[error("no GPU backend: {0}")]
-    NoGpu(String),
-    /// the GPU failed while it drew
-    #[error("the GPU failed while drawing: {0}")]
-    Device(String),
-    /// the path is too long for an effective PSF
-    #[error(
-        "effective-psf: the path leads {extent_px:.0} px from its mean, wanted at most {LONGEST_KERNEL_PX} px; use \
-         samples or auto"
-    )]
-    KernelTooLong {
-        /// Length of the path from its mean, px.
-        extent_px: f64,
-    },
-    /// the kernels of a method take too much memory
-    #[error("{method}: its kernels would take more than {} MiB or {MOST_KERNELS} tables; use samples or auto", MOST_KERNEL_BYTES >> 20)]
-    TooManyKernels {
-        /// The method.
-        method: Method,
-    },
-    /// the tables of a field of PSFs take too much memory
-    #[error(
-        "the tables of {nodes} PSFs over the field, {half_px} px to each side, would take {got_mib} MiB, wanted at most {} MiB; \
-         take fewer nodes, PSFs on smaller grids, or a looser flux budget",
-        MOST_KERNEL_BYTES >> 20
-    )]
-    FieldTooLarge {
-        /// PSFs.
-        nodes: usize,
-        /// Half-width of their footprints, px.
-        half_px: usize,
-        /// Memory that they need, MiB.
-        got_mib: usize,
-    },
-    /// a sampling of the PSF that this backend, or this PSF, does not have
-    #[error(
-        "PSF sampling \"{sampling}\" is for narrow Gaussian PSFs on the CPU backend, drawn star by star: use auto or table:S, \
-         or another method"
-    )]
-    Sampling {
-        /// Sampling that was requested.
-        sampling: PsfSampling,
-    },
-    /// a plan is larger than the device's buffers
-    #[error("{what}: got {got}, the device takes at most {most}; lower the limiting magnitude or use the CPU backend")]
-    TooLarge {
-        /// Part that is too large.
-        what: &'static str,
-        /// Size of that part.
-        got: usize,
-        /// The limit.
-        most: usize,
-    },
 }

@@ -5,8 +5,8 @@
 //! costs a second drawing and a pass over the image. Tests: below, `tests/physics/overlap.rs`, `tests/gpu/overlap.rs`.
 
 use crate::gpu::Electrons;
-use crate::render::{Backend, RenderError};
-use base::image::Image;
+use crate::render::Backend;
+use base::{image::Image, refused::Refused};
 use plan::exposure::ExposurePlan;
 
 /// One half of a plan at a time, and the image of both.
@@ -79,12 +79,14 @@ impl Apart {
     ///
     /// # Errors
     /// When the backend failed, or draws on a device.
-    pub fn render(&mut self, backend: &mut dyn Backend, plan: &ExposurePlan) -> Result<(), RenderError> {
+    pub fn render(&mut self, backend: &mut dyn Backend, plan: &ExposurePlan) -> Result<(), Refused> {
         backend.render(self.stars_of(plan))?;
         match backend.electrons() {
             Electrons::Host(image) => copy(image, &mut self.single),
             Electrons::Precise(image) => copy(image, &mut self.precise),
-            Electrons::Device(_) => return Err(RenderError::Device("a host backend drew on a device".into())),
+            Electrons::Device(_) => {
+                return Err(Refused(format!("the GPU failed while drawing: {}", "a host backend drew on a device")));
+            }
         }
         backend.render(self.targets_of(plan))?;
         self.lost_e = match backend.electrons() {

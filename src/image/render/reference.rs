@@ -9,8 +9,8 @@
 //! too.
 
 use crate::gpu::Electrons;
-use crate::render::{Backend, RenderError};
-use base::image::Image;
+use crate::render::Backend;
+use base::{image::Image, refused::Refused};
 use plan::exposure::track::{StarPlace, turned};
 use plan::exposure::{ExposurePlan, Motion, PixelPath, PixelPoint, PlannedStar, PlannedTarget, Shutter};
 use plan::optics::{PsfForm, PsfModel, gaussian};
@@ -59,7 +59,7 @@ impl Backend for Reference {
         format!("f64 reference, {} threads", rayon::current_num_threads())
     }
 
-    fn render(&mut self, plan: &ExposurePlan) -> Result<(), RenderError> {
+    fn render(&mut self, plan: &ExposurePlan) -> Result<(), Refused> {
         let half = plan.half_px.max(plan.psf.whole_half_px());
         match plan.shutter {
             Shutter::Global => self.render_at_once(plan, half),

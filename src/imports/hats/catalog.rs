@@ -5,9 +5,11 @@
 //! it; a collection is a folder of catalogs, whose main one is taken. Tests: `super::tests`.
 
 use super::pixel::{MOST_ORDER, Pixel};
-use super::{error::HatsError, file::ParquetFile, properties::Properties};
+use super::{file::ParquetFile, properties::Properties};
+use crate::hats::error;
 use crate::published::gaia::Names;
 use base::input_file::{DATA_BYTES, read_text};
+use base::refused::Refused;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
@@ -47,7 +49,7 @@ impl HatsCatalog {
     /// # Errors
     /// When it is of another kind (a margin, an index), a partition is missing, not listed, cannot be opened or
     /// overlaps another, or the rows are not as many as it says.
-    pub fn open(folder: &Path) -> Result<Self, HatsError> {
+    pub fn open(folder: &Path) -> Result<Self, Refused> {
         let properties = Properties::read(folder)?;
         let kind = properties.wanted("dataproduct_type", OBJECTS)?;
         if kind != OBJECTS {
@@ -63,15 +65,17 @@ impl HatsCatalog {
         let mut partitions = Vec::new();
         for pixel in listed {
             let dataset = properties.folder().join("dataset").join(pixel.folder());
-            let files = there.remove(&pixel).ok_or_else(|| HatsError::Partition {
-                path: dataset.join(format!("Npix={}", pixel.number)),
-                what: "listed in partition_info.csv, and missing".into(),
+            let files = there.remove(&pixel).ok_or_else(|| {
+                error::partition(
+                    &dataset.join(format!("Npix={}", pixel.number)),
+                    "listed in partition_info.csv, and missing",
+                )
             })?;
             partitions.extend(files.into_iter().map(|path| (pixel, path)));
         }
         if let Some((_, files)) = there.first_key_value() {
-            let what = "there, and not listed in partition_info.csv".into();
-            return Err(HatsError::Partition { path: files[0].clone(), what });
+            let what = "there, and not listed in partition_info.csv";
+            return Err(error::partition(&files[0], what));
         }
         let name = properties.wanted("obs_collection", "a name")?;
         let partitions = partitions.into_iter().map(|(pixel, path)| {
@@ -94,7 +98,7 @@ impl HatsCatalog {
     ///
     /// # Errors
     /// When it does not say.
-    pub fn name_columns(&self, names: &mut Names) -> Result<(), HatsError> {
+    pub fn name_columns(&self, names: &mut Names) -> Result<(), Refused> {
         let said = ["hats_col_ra", "hats_col_dec"].map(|key| self.properties.wanted(key, "the name of a column"));
         for (archive, said) in ["ra", "dec"].iter().zip(said) {
             names.rename_unless_renamed(archive, said?);
@@ -106,7 +110,7 @@ impl HatsCatalog {
     ///
     /// # Errors
     /// When it is not a number.
-    pub fn epoch_yr(&self) -> Result<Option<f64>, HatsError> {
+    pub fn epoch_yr(&self) -> Result<Option<f64>, Refused> {
         let of_key = |key: &'static str| {
             let number = |text: &str| text.trim_start_matches(['J', 'j']).trim().parse::<f64>().ok();
             let is_year = |year: &f64| (1900.0..=2100.0).contains(year);
@@ -123,13 +127,16 @@ impl HatsCatalog {
     }
 
     /// Returns rows by the footers of all files against what the catalog says.
-    fn check_rows(&self) -> Result<(), HatsError> {
+    fn check_rows(&self) -> Result<(), Refused> {
         let rows = self.partitions.iter().map(|partition| ParquetFile::open(&partition.path)?.rows());
-        let got = rows.sum::<Result<u64, HatsError>>()?;
+        let got = rows.sum::<Result<u64, Refused>>()?;
         match self.properties.number("hats_nrows")? {
             Some(wanted) if wanted != got => {
                 let path = self.properties.path.clone();
-                Err(HatsError::Rows { path, what: "hats_nrows, and the footers of its partitions", wanted, got })
+                Err(Refused::at(
+                    path,
+                    format_args!("hats_nrows, and the footers of its partitions: wanted {wanted} rows, got {got}"),
+                ))
             }
             _ => Ok(()),
         }
@@ -137,10 +144,16 @@ impl HatsCatalog {
 }
 
 /// Returns the pixels of `partition_info.csv`, none within another.
-fn listed(path: &Path) -> Result<Vec<Pixel>, HatsError> {
-    let text = read_text(path, DATA_BYTES).map_err(HatsError::file("cannot read", path))?;
+fn listed(path: &Path) -> Result<Vec<Pixel>, Refused> {
+    let text = read_text(path, DATA_BYTES).map_err(Refused::file("cannot read", path))?;
     let mut lines = text.lines().enumerate();
-    let refuse = |line: usize, got: &str| HatsError::List { path: path.into(), line: line + 1, got: got.into() };
+    let refuse = |line: usize, got: &str| {
+        Refused(format!(
+            "{path}, line {line}: wanted a HEALPix order and pixel in columns Norder and Npix, got \"{got}\"",
+            path = path.display(),
+            line = line + 1
+        ))
+    };
     let (_, head) = lines.next().ok_or_else(|| refuse(0, ""))?;
     let place = |name| head.split(',').position(|cell| cell.trim() == name).ok_or_else(|| refuse(0, head));
     let (order, number) = (place("Norder")?, place("Npix")?);
@@ -156,14 +169,14 @@ fn listed(path: &Path) -> Result<Vec<Pixel>, HatsError> {
     match shared {
         Some(pair) => {
             let [one, other] = [pair[0], pair[1]].map(|pixel| format!("{}/Npix={}", pixel.folder(), pixel.number));
-            Err(HatsError::Partition { path: path.into(), what: format!("{one} and {other} share a part of the sky") })
+            Err(error::partition(path, format!("{one} and {other} share a part of the sky")))
         }
         None => Ok(pixels),
     }
 }
 
 /// Returns the files of each pixel that are on disk.
-fn there(folder: &Path, suffix: &str) -> Result<BTreeMap<Pixel, Vec<PathBuf>>, HatsError> {
+fn there(folder: &Path, suffix: &str) -> Result<BTreeMap<Pixel, Vec<PathBuf>>, Refused> {
     let mut there = BTreeMap::new();
     let mut orders = visible(&folder.join("dataset"))?;
     // Files beside them describe the whole catalog: `data_thumbnail.parquet`, `per_partition_statistics.parquet`, ...
@@ -171,7 +184,7 @@ fn there(folder: &Path, suffix: &str) -> Result<BTreeMap<Pixel, Vec<PathBuf>>, H
     for (order, path) in numbered(orders, "Norder=", "")? {
         for (_, path) in numbered(visible(&path)?, "Dir=", "")? {
             for (number, path) in numbered(visible(&path)?, "Npix=", suffix.trim_matches('/'))? {
-                let foreign = |what: &str| HatsError::Partition { path: path.clone(), what: what.into() };
+                let foreign = |what: &str| error::partition(&path, what);
                 let pixel = Pixel::new(order, number);
                 let pixel = pixel.ok_or_else(|| foreign(&format!("no HEALPix pixel of order 0 to {MOST_ORDER}")))?;
                 if !path.parent().is_some_and(|parent| parent.ends_with(pixel.folder())) {
@@ -191,20 +204,20 @@ fn there(folder: &Path, suffix: &str) -> Result<BTreeMap<Pixel, Vec<PathBuf>>, H
 }
 
 /// Files and folders of names like `Norder=5`, by number; anything else is foreign to a catalog.
-fn numbered(paths: BTreeSet<PathBuf>, prefix: &str, suffix: &str) -> Result<Vec<(u64, PathBuf)>, HatsError> {
+fn numbered(paths: BTreeSet<PathBuf>, prefix: &str, suffix: &str) -> Result<Vec<(u64, PathBuf)>, Refused> {
     let number = |path: PathBuf| {
         let name = path.file_name().and_then(|name| name.to_str());
         let suffix = if path.is_dir() { "" } else { suffix };
         let number = name.and_then(|name| name.strip_prefix(prefix)?.strip_suffix(suffix)?.parse().ok());
         let what = || format!("wanted {prefix}, a number, and \"{suffix}\"");
-        number.map(|number| (number, path.clone())).ok_or_else(|| HatsError::Partition { path, what: what() })
+        number.map(|number| (number, path.clone())).ok_or_else(|| error::partition(&path, what()))
     };
     paths.into_iter().map(number).collect()
 }
 
 /// Files and folders, sorted, but those that readers of Parquet folders leave out: `_metadata`, `.crc` files, ...
-fn visible(folder: &Path) -> Result<BTreeSet<PathBuf>, HatsError> {
-    let cannot = |source| HatsError::file("cannot list", folder)(source);
+fn visible(folder: &Path) -> Result<BTreeSet<PathBuf>, Refused> {
+    let cannot = |source| Refused::file("cannot list", folder)(source);
     let mut paths = BTreeSet::new();
     for entry in std::fs::read_dir(folder).map_err(cannot)? {
         let entry = entry.map_err(cannot)?;

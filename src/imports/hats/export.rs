@@ -7,9 +7,9 @@
 
 use super::catalog::{ACKNOWLEDGEMENT, EPOCH};
 use super::pixel::{MOST_ORDER, Pixel};
+use super::properties;
 use super::writer::{CatalogRow, CatalogWriter};
-use super::{error::HatsError, properties};
-use base::unfinished::Unfinished;
+use base::{refused::Refused, unfinished::Unfinished};
 use stars::layer::{Layer, NewStar};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -51,35 +51,38 @@ pub fn export(
     folder: &Path,
     what: &Exporting,
     progress: &mut dyn FnMut(f64),
-) -> Result<ExportReport, HatsError> {
+) -> Result<ExportReport, Refused> {
     check(layers)?;
     // Without a slash at its end: a name is put beside it.
     let folder = &folder.components().collect::<PathBuf>();
     if folder.file_name().is_none() {
-        return Err(HatsError::Name { path: folder.into() });
+        return Err(Refused(format!(
+            "{folder:?}: wanted the name of a new folder for the catalog, such as out/sky, got none at its end"
+        )));
     }
     let mut unfinished = folder.as_os_str().to_owned();
     unfinished.push(".part");
     let unfinished = PathBuf::from(unfinished);
     if let Some(path) = [folder, &unfinished].into_iter().find(|path| path.exists()) {
-        return Err(HatsError::There { path: path.into() });
+        return Err(Refused::at(path, "there already: name another folder, or remove it"));
     }
     let _registered = Unfinished::register(&unfinished);
     let done = Export::begin(layers, &unfinished, what, progress).and_then(|export| export.finish());
     let done = done.and_then(|report| {
-        fs::rename(&unfinished, folder).map_err(HatsError::file("cannot rename", &unfinished))?;
+        fs::rename(&unfinished, folder).map_err(Refused::file("cannot rename", &unfinished))?;
         Ok(report)
     });
     if done.is_err() && unfinished.exists() {
-        fs::remove_dir_all(&unfinished).map_err(HatsError::file("cannot remove", &unfinished))?;
+        fs::remove_dir_all(&unfinished).map_err(Refused::file("cannot remove", &unfinished))?;
     }
     done
 }
 
 /// Checks that the layers are of one epoch, and none contains magnitudes of another.
-fn check(layers: &[Layer]) -> Result<(), HatsError> {
-    let refuse =
-        |layer: &Layer, what, wanted, got| Err(HatsError::Layers { path: layer.path().into(), what, wanted, got });
+fn check(layers: &[Layer]) -> Result<(), Refused> {
+    let refuse = |layer: &Layer, what, wanted, got| {
+        Err(Refused::at(layer.path(), format_args!("{what}: wanted {wanted}, got {got}")))
+    };
     for pair in layers.windows(2) {
         let [before, layer] = pair else { continue };
         let (facts, of_before) = (layer.index(), before.index());
@@ -122,12 +125,12 @@ impl<'a> Export<'a> {
         folder: &'a Path,
         what: &'a Exporting,
         progress: &'a mut dyn FnMut(f64),
-    ) -> Result<Self, HatsError> {
+    ) -> Result<Self, Refused> {
         let dataset = folder.join("dataset");
-        fs::create_dir_all(&dataset).map_err(HatsError::file("cannot make", &dataset))?;
+        fs::create_dir_all(&dataset).map_err(Refused::file("cannot make", &dataset))?;
         let has_numbers = layers.iter().all(|layer| layer.index().numbering.is_some());
-        let writer =
-            CatalogWriter::new(has_numbers).map_err(|source| HatsError::Writing { path: dataset.clone(), source })?;
+        let writer = CatalogWriter::new(has_numbers)
+            .map_err(|source| Refused(format!("cannot write {path}: {source}", path = dataset.display())))?;
         let cell_order = layers.iter().map(|layer| layer.index().order).min().unwrap_or(0).min(MOST_CELL_ORDER);
         let mut before = vec![0; (12 << (2 * cell_order)) + 1];
         for layer in layers {
@@ -142,7 +145,7 @@ impl<'a> Export<'a> {
         Ok(Self { layers, what, progress, folder, dataset, writer, cell_order, before, pixels, stars, bytes })
     }
 
-    fn finish(mut self) -> Result<ExportReport, HatsError> {
+    fn finish(mut self) -> Result<ExportReport, Refused> {
         for number in 0..12 {
             self.visit(Pixel { order: 0, number })?;
         }
@@ -155,7 +158,7 @@ impl<'a> Export<'a> {
     }
 
     /// Goes down to where a pixel has few enough stars, or is a cell.
-    fn visit(&mut self, pixel: Pixel) -> Result<(), HatsError> {
+    fn visit(&mut self, pixel: Pixel) -> Result<(), Refused> {
         let cells = pixel.at(self.cell_order);
         let place = |cell: u64| usize::try_from(cell).unwrap_or(usize::MAX);
         let stars = self.before[place(cells.end)] - self.before[place(cells.start)];
@@ -172,7 +175,7 @@ impl<'a> Export<'a> {
     }
 
     /// Returns the stars of a pixel, sorted as a catalog has them.
-    fn read(&self, pixel: Pixel) -> Result<Vec<CatalogRow>, HatsError> {
+    fn read(&self, pixel: Pixel) -> Result<Vec<CatalogRow>, Refused> {
         let (mut rows, mut stars, mut bytes) = (Vec::new(), Vec::new(), Vec::new());
         let mut first = 0;
         for layer in self.layers {
@@ -192,14 +195,18 @@ impl<'a> Export<'a> {
     }
 
     /// Writes the rows of a pixel, of its parts where they are too many for one file.
-    fn split(&mut self, pixel: Pixel, rows: &[CatalogRow]) -> Result<(), HatsError> {
+    fn split(&mut self, pixel: Pixel, rows: &[CatalogRow]) -> Result<(), Refused> {
         if rows.is_empty() {
             return Ok(());
         }
         if rows.len() > self.what.max_rows {
             let Pixel { order, number } = pixel;
             if order == MOST_PARTITION_ORDER {
-                return Err(HatsError::Crowded { order, pixel: number, stars: rows.len(), most: self.what.max_rows });
+                return Err(Refused(format!(
+                    "pixel {number} of order {order}: {stars} stars; wanted at most {most}: raise --max-rows",
+                    stars = rows.len(),
+                    most = self.what.max_rows
+                )));
             }
             let mut rest = rows;
             let [first @ .., last] = pixel.parts();
@@ -211,25 +218,25 @@ impl<'a> Export<'a> {
             return self.split(last, rest);
         }
         let folder = self.dataset.join(pixel.folder());
-        fs::create_dir_all(&folder).map_err(HatsError::file("cannot make", &folder))?;
+        fs::create_dir_all(&folder).map_err(Refused::file("cannot make", &folder))?;
         let within = format!("{}/Npix={}.parquet", pixel.folder(), pixel.number);
         self.writer.write(&self.dataset, &within, rows)?;
         let path = self.dataset.join(&within);
-        self.bytes += fs::metadata(&path).map_err(HatsError::file("cannot read", &path))?.len();
+        self.bytes += fs::metadata(&path).map_err(Refused::file("cannot read", &path))?.len();
         self.stars += rows.len() as u64;
         self.pixels.push(pixel);
         Ok(())
     }
 
-    fn write_list(&mut self) -> Result<(), HatsError> {
+    fn write_list(&mut self) -> Result<(), Refused> {
         self.pixels.sort_unstable();
         let lines = self.pixels.iter().map(|Pixel { order, number }| format!("{order},{number}\n"));
         let path = self.folder.join("partition_info.csv");
         let text = format!("Norder,Npix\n{}", lines.collect::<String>());
-        fs::write(&path, text).map_err(HatsError::file("cannot write", &path))
+        fs::write(&path, text).map_err(Refused::file("cannot write", &path))
     }
 
-    fn write_properties(&self) -> Result<(), HatsError> {
+    fn write_properties(&self) -> Result<(), Refused> {
         let share: f64 = self.pixels.iter().map(|pixel| 1.0 / (12_u64 << (2 * pixel.order)) as f64).sum();
         let mut credits: Vec<&str> =
             self.layers.iter().map(|layer| layer.index().credits.as_str()).filter(|text| !text.is_empty()).collect();

@@ -4,7 +4,8 @@
 //! of a dictionary. These are read first here ([`super::thrift`]) and compared with the file. Limits: a footer of 64
 //! MiB, pages of 64 MiB unpacked (writers make pages of about 1 MiB). Tests: `super::tests::damage`.
 
-use super::{caught::caught, error::HatsError, thrift::Compact};
+use super::{caught::caught, thrift::Compact};
+use base::refused::Refused;
 use parquet::file::metadata::{ColumnChunkMetaData, ParquetMetaData, ParquetMetaDataReader};
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -37,12 +38,11 @@ pub(super) struct ParquetFile {
 }
 
 impl ParquetFile {
-    pub(super) fn open(path: &Path) -> Result<Self, HatsError> {
-        let damaged = |why| HatsError::Parquet { path: path.into(), why };
-        let mut file = File::open(path).map_err(HatsError::file("cannot open", path))?;
-        let bytes = file.metadata().map_err(HatsError::file("cannot read", path))?.len();
-        let mut read =
-            |at: u64, count: u64| read_at(&mut file, at, count).map_err(HatsError::file("cannot read", path));
+    pub(super) fn open(path: &Path) -> Result<Self, Refused> {
+        let damaged = |why| Refused::at(path, format_args!("damaged, or no Parquet file: {why}"));
+        let mut file = File::open(path).map_err(Refused::file("cannot open", path))?;
+        let bytes = file.metadata().map_err(Refused::file("cannot read", path))?.len();
+        let mut read = |at: u64, count: u64| read_at(&mut file, at, count).map_err(Refused::file("cannot read", path));
         let ends = MAGIC.len() as u64 + END_BYTES;
         if bytes < ends {
             return Err(damaged(format!("wanted at least {ends} bytes, got {bytes}")));
@@ -69,13 +69,18 @@ impl ParquetFile {
     }
 
     /// Returns rows of the file.
-    pub(super) fn rows(&self) -> Result<u64, HatsError> {
+    pub(super) fn rows(&self) -> Result<u64, Refused> {
         let mut groups = self.metadata.row_groups().iter().map(|group| u64::try_from(group.num_rows()).ok());
         let sum = groups.try_fold(0_u64, |sum, rows| sum.checked_add(rows?));
         let wanted = self.metadata.file_metadata().num_rows();
-        sum.filter(|sum| u64::try_from(wanted) == Ok(*sum)).ok_or_else(|| HatsError::Parquet {
-            path: self.path.clone(),
-            why: format!("{wanted} rows in its footer, and another number in its row groups"),
+        sum.filter(|sum| u64::try_from(wanted) == Ok(*sum)).ok_or_else(|| {
+            Refused::at(
+                &self.path,
+                format_args!(
+                    "damaged, or no Parquet file: {why}",
+                    why = format!("{wanted} rows in its footer, and another number in its row groups")
+                ),
+            )
         })
     }
 

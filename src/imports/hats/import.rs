@@ -4,9 +4,9 @@
 //! with the same counts of what is blank. A row of a partition must lie in the pixel of the partition, within 0.02 mas
 //! (0.06 arcsec where places are of single precision).
 
-use super::{error::HatsError, file::ParquetFile, pixel::Pixel, rows::Rows};
+use super::{file::ParquetFile, pixel::Pixel, rows::Rows};
 use crate::published::gaia::{DEC, Names, RA, star_of_row};
-use base::units::DEG;
+use base::{refused::Refused, units::DEG};
 use stars::layer::Sorting;
 use std::path::Path;
 
@@ -25,7 +25,7 @@ pub fn import(
     names: &Names,
     sorting: &mut Sorting,
     progress: &mut dyn FnMut(u64),
-) -> Result<u64, HatsError> {
+) -> Result<u64, Refused> {
     let file = ParquetFile::open(path)?;
     let wanted = file.rows()?;
     let mut rows = Rows::begin(file, names)?;
@@ -42,7 +42,9 @@ pub fn import(
             let number = |column| rows.number(row, column);
             let refuse = |column, wanted, got: f64| rows.refuse(row, column, wanted, got.to_string());
             if let Some(star) = star_of_row(rows.source_id(row)?, names.epoch_yr, number, refuse, sorting)? {
-                let refused = |source| HatsError::Star { path: path.into(), row: rows.number_of(row), source };
+                let refused = |source| {
+                    Refused(format!("{path}, row {row}: {source}", path = path.display(), row = rows.number_of(row)))
+                };
                 sorting.add(&star).map_err(refused)?;
             }
         }
@@ -52,23 +54,26 @@ pub fn import(
     if is_coarse {
         sorting.announce(COARSE_PLACES, got);
     }
-    if got == wanted { Ok(got) } else { Err(HatsError::Rows { path: path.into(), what: "its footer", wanted, got }) }
+    if got == wanted {
+        Ok(got)
+    } else {
+        Err(Refused::at(path, format_args!("its footer: wanted {wanted} rows, got {got}")))
+    }
 }
 
 /// Checks that a row with a place is in the right partition. An illegal place is refused where the star is stored.
-fn check_place(rows: &Rows, row: usize, pixel: Pixel, is_coarse: bool) -> Result<(), HatsError> {
+fn check_place(rows: &Rows, row: usize, pixel: Pixel, is_coarse: bool) -> Result<(), Refused> {
     let (Some(ra_deg), Some(dec_deg)) = (rows.number(row, RA)?, rows.number(row, DEC)?) else { return Ok(()) };
     let (ra_rad, dec_rad) = (ra_deg * DEG, dec_deg * DEG);
     match Pixel::of(pixel.order, ra_rad, dec_rad) {
-        Some(got) if !pixel.has(ra_rad, dec_rad, is_coarse) => Err(HatsError::Place {
-            path: rows.file.path.clone(),
-            row: rows.number_of(row),
-            ra_deg,
-            dec_deg,
-            order: pixel.order,
-            wanted: pixel.number,
-            got: got.number,
-        }),
+        Some(got) if !pixel.has(ra_rad, dec_rad, is_coarse) => Err(Refused(format!(
+            "{path}, row {row}: RA {ra_deg} Dec {dec_deg} deg: wanted pixel {wanted} of order {order}, got {got}",
+            path = rows.file.path.display(),
+            row = rows.number_of(row),
+            wanted = pixel.number,
+            order = pixel.order,
+            got = got.number
+        ))),
         _ => Ok(()),
     }
 }

@@ -23,7 +23,6 @@ mod thrift;
 mod writer;
 
 pub use catalog::{HatsCatalog, Partition};
-pub use error::HatsError;
 pub use export::{ExportReport, Exporting, export};
 pub use import::{COARSE_PLACES, import};
 pub use pixel::Pixel;

@@ -2,9 +2,9 @@
 //!
 //! Source: IVOA Note "HATS" (keys); Java's `Properties` (comments, escapes, lines that go on).
 
-use super::error::HatsError;
 use crate::hats_folder::{COLLECTION, FILES};
 use base::input_file::{SETTINGS_BYTES, read_text};
+use base::refused::Refused;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -17,7 +17,7 @@ pub(super) struct Properties {
 
 impl Properties {
     /// Reads the properties of a catalog; of the main one in a collection. The folder of the file is kept with them.
-    pub(super) fn read(folder: &Path) -> Result<Self, HatsError> {
+    pub(super) fn read(folder: &Path) -> Result<Self, Refused> {
         let collection = folder.join(COLLECTION);
         if collection.is_file() {
             let collection = Self::read_file(collection)?;
@@ -27,8 +27,8 @@ impl Properties {
         Self::read_file(file_of(folder))
     }
 
-    fn read_file(path: PathBuf) -> Result<Self, HatsError> {
-        let text = read_text(&path, SETTINGS_BYTES).map_err(HatsError::file("cannot read", &path))?;
+    fn read_file(path: PathBuf) -> Result<Self, Refused> {
+        let text = read_text(&path, SETTINGS_BYTES).map_err(Refused::file("cannot read", &path))?;
         Ok(Self { values: parse(&text), path })
     }
 
@@ -42,18 +42,18 @@ impl Properties {
     }
 
     /// Returns a property that must be there.
-    pub(super) fn wanted(&self, key: &'static str, wanted: &str) -> Result<&str, HatsError> {
+    pub(super) fn wanted(&self, key: &'static str, wanted: &str) -> Result<&str, Refused> {
         self.get(key).ok_or_else(|| self.refuse(key, wanted, "nothing"))
     }
 
     /// Returns a whole number, where there is one.
-    pub(super) fn number(&self, key: &'static str) -> Result<Option<u64>, HatsError> {
+    pub(super) fn number(&self, key: &'static str) -> Result<Option<u64>, Refused> {
         let number = |text: &str| text.parse().map_err(|_| self.refuse(key, "a whole number", text));
         self.get(key).map(number).transpose()
     }
 
-    pub(super) fn refuse(&self, key: &'static str, wanted: &str, got: &str) -> HatsError {
-        HatsError::Property { path: self.path.clone(), key, wanted: wanted.into(), got: got.into() }
+    pub(super) fn refuse(&self, key: &'static str, wanted: &str, got: &str) -> Refused {
+        Refused::at(&self.path, format_args!("{key}: wanted {wanted}, got {got}"))
     }
 }
 
@@ -113,7 +113,7 @@ fn part(text: &str, ends: impl Fn(char) -> bool) -> (String, &str) {
 }
 
 /// Returns keys and values as a file of properties.
-pub(super) fn write(path: &Path, values: &[(&str, String)]) -> Result<(), HatsError> {
+pub(super) fn write(path: &Path, values: &[(&str, String)]) -> Result<(), Refused> {
     let mut text = String::from("#HATS catalog\n");
     for (key, value) in values.iter().filter(|(_, value)| !value.is_empty()) {
         text.push_str(key);
@@ -133,7 +133,7 @@ pub(super) fn write(path: &Path, values: &[(&str, String)]) -> Result<(), HatsEr
         }
         text.push('\n');
     }
-    std::fs::write(path, text).map_err(HatsError::file("cannot write", path))
+    std::fs::write(path, text).map_err(Refused::file("cannot write", path))
 }
 
 #[cfg(test)]

@@ -5,8 +5,9 @@
 //! each column one page, its dictionary, and [`BATCH_ROWS`] cells. The CRC-32 of a page is checked where it has one;
 //! most writers (pyarrow among them, by default) write none, and a changed value in such a file goes unnoticed.
 
-use super::{caught::caught, error::HatsError, file::ParquetFile};
+use super::{caught::caught, file::ParquetFile};
 use crate::published::gaia::{COLUMNS, DEC, Names, RA, SOURCE_ID};
+use base::refused::Refused;
 use parquet::basic::{ConvertedType, LogicalType, Type};
 use parquet::data_type::{DataType, DoubleType, FloatType, Int32Type, Int64Type};
 use parquet::schema::types::{ColumnDescPtr, ColumnDescriptor};
@@ -51,7 +52,7 @@ pub(super) struct Batch {
 
 impl Rows {
     /// Finds the columns of a file.
-    pub(super) fn begin(file: ParquetFile, of_archive: &Names) -> Result<Self, HatsError> {
+    pub(super) fn begin(file: ParquetFile, of_archive: &Names) -> Result<Self, Refused> {
         let schema = file.metadata.file_metadata().schema_descr();
         let place = |name: &str| schema.columns().iter().position(|column| column.path().string() == name);
         let mut names: [String; COLUMNS] = core::array::from_fn(|column| of_archive.here(column).into());
@@ -64,12 +65,19 @@ impl Rows {
         if !missing.is_empty() {
             let there: Vec<String> = schema.columns().iter().map(|column| column.path().string()).collect();
             let (column, got) = (missing.join(", "), format!("none; the file has {}", there.join(", ")));
-            return Err(HatsError::Column { path: file.path, column, wanted: "a column of that name", got });
+            return Err(Refused(format!(
+                "{path}, column {column}: wanted a column of that name, got {got}",
+                path = file.path.display()
+            )));
         }
         for (column, place) in places.iter().enumerate() {
             let Some(place) = place else { continue };
             if let Err((wanted, got)) = check_type(&schema.column(*place), column == SOURCE_ID) {
-                return Err(HatsError::Column { path: file.path, column: names[column].clone(), wanted, got });
+                return Err(Refused(format!(
+                    "{path}, column {column}: wanted {wanted}, got {got}",
+                    path = file.path.display(),
+                    column = names[column]
+                )));
             }
         }
         let (readers, batch) = (Vec::new(), Batch::default());
@@ -86,7 +94,7 @@ impl Rows {
     }
 
     /// Reads the next rows into the batch; false at the end of the file.
-    pub(super) fn read_batch(&mut self) -> Result<bool, HatsError> {
+    pub(super) fn read_batch(&mut self) -> Result<bool, Refused> {
         self.before += self.batch.rows as u64;
         while self.left == 0 {
             if self.group == self.file.metadata.num_row_groups() {
@@ -104,12 +112,14 @@ impl Rows {
                 column => reader.read_numbers(rows, &mut batch.numbers[column]),
             });
             let column = &self.names[*column];
-            read.map_err(|why| HatsError::Damage { path: self.file.path.clone(), column: column.clone(), why })?;
+            read.map_err(|why| {
+                Refused(format!("{path}, column {column}: damaged: {why}", path = self.file.path.display()))
+            })?;
         }
         Ok(true)
     }
 
-    fn open_group(&mut self) -> Result<(), HatsError> {
+    fn open_group(&mut self) -> Result<(), Refused> {
         let group = self.file.metadata.row_group(self.group);
         let rows = u64::try_from(group.num_rows()).unwrap_or(0);
         self.readers.clear();
@@ -119,8 +129,13 @@ impl Rows {
         }
         for (column, place) in self.places.iter().enumerate() {
             let Some(place) = *place else { continue };
-            let damaged =
-                |why| HatsError::Damage { path: self.file.path.clone(), column: self.names[column].clone(), why };
+            let damaged = |why| {
+                Refused(format!(
+                    "{path}, column {column}: damaged: {why}",
+                    path = self.file.path.display(),
+                    column = self.names[column]
+                ))
+            };
             let chunk = group.column(place);
             let value_bytes = if matches!(chunk.column_type(), Type::INT32 | Type::FLOAT) { 4 } else { 8 };
             self.file.check_pages(chunk, rows, value_bytes).map_err(damaged)?;
@@ -136,12 +151,12 @@ impl Rows {
         self.before + row as u64 + 1
     }
 
-    pub(super) fn source_id(&self, row: usize) -> Result<i64, HatsError> {
+    pub(super) fn source_id(&self, row: usize) -> Result<i64, Refused> {
         self.batch.ids[row].ok_or_else(|| self.refuse(row, SOURCE_ID, "a whole number", "null".into()))
     }
 
     /// Returns a number, or `None` where the cell is blank or the file has no such column.
-    pub(super) fn number(&self, row: usize, column: usize) -> Result<Option<f64>, HatsError> {
+    pub(super) fn number(&self, row: usize, column: usize) -> Result<Option<f64>, Refused> {
         match self.batch.numbers[column].get(row).copied().filter(|number| !number.is_nan()) {
             Some(number) if number.is_infinite() => {
                 Err(self.refuse(row, column, "a number, or null", number.to_string()))
@@ -155,9 +170,13 @@ impl Rows {
         self.names[SOURCE_ID] == STARLOOP_ID
     }
 
-    pub(super) fn refuse(&self, row: usize, column: usize, wanted: &'static str, got: String) -> HatsError {
+    pub(super) fn refuse(&self, row: usize, column: usize, wanted: &'static str, got: String) -> Refused {
         let (path, column) = (self.file.path.clone(), self.names[column].clone());
-        HatsError::Cell { path, row: self.number_of(row), column, wanted, got }
+        Refused(format!(
+            "{path}, row {row}, column {column}: wanted {wanted}, got {got}",
+            path = path.display(),
+            row = self.number_of(row)
+        ))
     }
 }
 

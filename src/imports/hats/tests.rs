@@ -3,7 +3,7 @@
 use super::*;
 use crate::hats_folder::is_hats;
 use crate::published::gaia::{EPOCH_YR, Names, WITHOUT_MAGNITUDE, WITHOUT_PLACE};
-use base::units::DEG;
+use base::{refused::Refused, units::DEG};
 use core::f64::consts::TAU;
 use parquet::basic::{Compression, Encoding};
 use parquet::data_type::{ByteArray, ByteArrayType, DataType, DoubleType, FloatType, Int32Type, Int64Type};
@@ -55,7 +55,7 @@ fn opened(reports: &[LayerReport]) -> Vec<Layer> {
 }
 
 /// Returns all partitions of a catalog into layers.
-fn import_all(catalog: &Path, folder: &Path) -> Result<Vec<LayerReport>, HatsError> {
+fn import_all(catalog: &Path, folder: &Path) -> Result<Vec<LayerReport>, Refused> {
     let catalog = HatsCatalog::open(catalog)?;
     let mut names = Names::default();
     catalog.name_columns(&mut names)?;
@@ -260,7 +260,7 @@ fn columns(count: usize) -> Vec<Column> {
 }
 
 /// Takes one file in.
-fn take(path: &Path, names: &Names) -> (Result<u64, HatsError>, Sorting, tempfile::TempDir) {
+fn take(path: &Path, names: &Names) -> (Result<u64, Refused>, Sorting, tempfile::TempDir) {
     let folder = tempfile::tempdir().unwrap();
     let mut sorting = Sorting::start(&folder.path().join("work"), &[22.0]).unwrap();
     (import(path, None, names, &mut sorting, &mut |_| {}), sorting, folder)

@@ -5,8 +5,8 @@
 //! numbers), `ra`, `dec` (deg, ICRS), `pmra` (with cos dec), `pmdec` (mas/yr), `parallax` (mas), `phot_g_mean_mag`,
 //! `bp_rp` (mag); null where it is unknown. Pages are Zstandard.
 
-use super::{error::HatsError, file::MAGIC};
-use base::units::DEG;
+use super::file::MAGIC;
+use base::{refused::Refused, units::DEG};
 use parquet::data_type::{DataType, DoubleType, FloatType, Int64Type};
 use parquet::errors::{ParquetError, Result as Written};
 use parquet::file::metadata::{FileMetaData, ParquetMetaData, ParquetMetaDataWriter, RowGroupMetaData, SortingColumn};
@@ -69,9 +69,9 @@ impl CatalogWriter {
     }
 
     /// Writes sorted rows to the file `within` the folder `dataset`.
-    pub(super) fn write(&mut self, dataset: &Path, within: &str, rows: &[CatalogRow]) -> Result<(), HatsError> {
+    pub(super) fn write(&mut self, dataset: &Path, within: &str, rows: &[CatalogRow]) -> Result<(), Refused> {
         let path = dataset.join(within);
-        let file = File::create(&path).map_err(HatsError::file("cannot make", &path))?;
+        let file = File::create(&path).map_err(Refused::file("cannot make", &path))?;
         let write = || {
             let mut file = SerializedFileWriter::new(file, Arc::clone(&self.schema), Arc::clone(&self.properties))?;
             for rows in rows.chunks(GROUP_ROWS) {
@@ -82,21 +82,22 @@ impl CatalogWriter {
             }
             Ok(())
         };
-        write().map_err(|source| HatsError::Writing { path: path.clone(), source })
+        write()
+            .map_err(|source: std::io::Error| Refused(format!("cannot write {path}: {source}", path = path.display())))
     }
 
     /// Writes `_metadata`, the footers of all partitions, and `_common_metadata`, that of none.
-    pub(super) fn finish(self, dataset: &Path) -> Result<(), HatsError> {
+    pub(super) fn finish(self, dataset: &Path) -> Result<(), Refused> {
         let schema = Arc::new(SchemaDescriptor::new(self.schema));
         for (name, groups) in [("_common_metadata", Vec::new()), ("_metadata", self.groups)] {
             let rows = groups.iter().map(RowGroupMetaData::num_rows).sum();
             let footer = FileMetaData::new(1, rows, Some(WRITER.into()), None, Arc::clone(&schema), None);
             let metadata = ParquetMetaData::new(footer, groups);
             let path = dataset.join(name);
-            let mut file = File::create(&path).map_err(HatsError::file("cannot make", &path))?;
-            file.write_all(&MAGIC).map_err(HatsError::file("cannot write", &path))?;
+            let mut file = File::create(&path).map_err(Refused::file("cannot make", &path))?;
+            file.write_all(&MAGIC).map_err(Refused::file("cannot write", &path))?;
             let written = ParquetMetaDataWriter::new(file, &metadata).finish();
-            written.map_err(|source| HatsError::Writing { path, source })?;
+            written.map_err(|source| Refused(format!("cannot write {path}: {source}", path = path.display())))?;
         }
         Ok(())
     }

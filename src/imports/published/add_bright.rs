@@ -5,7 +5,8 @@
 
 use super::crossmatch::{Crossmatch, ReferenceStar, Rule};
 use super::{bright::BrightStars, bright_star::BrightStar};
-use stars::layer::{LayerError, Sorting};
+use base::refused::Refused;
+use stars::layer::Sorting;
 use std::collections::HashSet;
 
 /// Epoch of Hipparcos' positions, Julian year.
@@ -22,16 +23,11 @@ pub(super) const TOO_FAINT: &str = "bright stars fainter than the layers, left o
 ///
 /// # Errors
 /// When the disk failed, or a star cannot be stored.
-pub fn add_bright(bright: BrightStars, epoch_yr: f64, sorting: &mut Sorting) -> Result<(), LayerError> {
+pub fn add_bright(bright: BrightStars, epoch_yr: f64, sorting: &mut Sorting) -> Result<(), Refused> {
     add_by(Rule::default(), bright, epoch_yr, sorting)
 }
 
-pub(super) fn add_by(
-    rule: Rule,
-    mut bright: BrightStars,
-    epoch_yr: f64,
-    sorting: &mut Sorting,
-) -> Result<(), LayerError> {
+pub(super) fn add_by(rule: Rule, mut bright: BrightStars, epoch_yr: f64, sorting: &mut Sorting) -> Result<(), Refused> {
     sorting.begin_bright();
     bright.reported.iter().for_each(|(what, count)| sorting.announce(what, *count));
     let twice = keep_first(&mut bright.hipparcos) + keep_first(&mut bright.tycho);

@@ -3,9 +3,9 @@
 //! A file is known by its lines: `hip2.dat` has fixed columns, `tyc2.dat` 32 parts between bars, `suppl_1.dat` 18; any
 //! may be packed with gzip. All stars are held in memory, at most [`MOST_BRIGHT`].
 
-use super::{bright_star::BrightStar, error::ImportError, lines::Lines, star_line::Line};
+use super::{bright_star::BrightStar, lines::Lines, star_line::Line};
 use super::{hipparcos, tycho};
-use base::input_file::InputFile;
+use base::{input_file::InputFile, refused::Refused};
 use flate2::read::MultiGzDecoder;
 use std::io::{BufRead, BufReader};
 use std::{collections::BTreeMap, path::Path};
@@ -54,8 +54,8 @@ impl BrightStars {
     /// # Errors
     /// When the file cannot be read to its end, is in none of the three formats, a field is malformed, or there are
     /// more stars than memory is meant to hold.
-    pub fn read(&mut self, path: &Path) -> Result<(), ImportError> {
-        let failed = |source| ImportError::File { path: path.into(), source };
+    pub fn read(&mut self, path: &Path) -> Result<(), Refused> {
+        let failed = |source| Refused::at(path, format_args!("{source}; what was read before is not used"));
         let file = InputFile::open(path, u64::MAX).map_err(failed)?;
         let mut file = BufReader::with_capacity(1 << 20, file);
         let is_packed = file.fill_buf().map_err(failed)?.starts_with(&[0x1f, 0x8b]);
@@ -70,7 +70,7 @@ impl BrightStars {
     ///
     /// # Errors
     /// As [`Self::read`].
-    pub fn read_text(&mut self, text: impl BufRead, path: &Path) -> Result<(), ImportError> {
+    pub fn read_text(&mut self, text: impl BufRead, path: &Path) -> Result<(), Refused> {
         let (mut lines, mut format) = (Lines::new(text, path, LONGEST_LINE), None);
         while let Some(line) = lines.next()? {
             let row = Line { path, number: line.number, text: line.text };
@@ -84,7 +84,7 @@ impl BrightStars {
         Ok(())
     }
 
-    fn add(&mut self, row: &Line<'_>, format: &Format) -> Result<(), ImportError> {
+    fn add(&mut self, row: &Line<'_>, format: &Format) -> Result<(), Refused> {
         let star = match format {
             Format::Hipparcos => hipparcos::star(row)?,
             Format::Tycho => tycho::star(row)?,

@@ -10,11 +10,10 @@
 //! (Gaia DR3) otherwise; one of another `ref_epoch` is moved to it in a straight line, without radial velocity, and
 //! counted. Tests: `tests` below, `damage_tests`.
 
-use super::error::ImportError;
 use super::lines::{Lines, TextLine};
-use base::input_file::InputFile;
 use base::source::{direction_from_ra_dec, ra_dec_rad};
 use base::units::{DEG, MAS};
+use base::{input_file::InputFile, refused::Refused};
 use flate2::read::MultiGzDecoder;
 use glam::DVec3;
 use stars::layer::{NewStar, Sorting};
@@ -144,8 +143,9 @@ pub fn import(
     names: &Names,
     sorting: &mut Sorting,
     progress: &mut dyn FnMut(u64),
-) -> Result<u64, ImportError> {
-    let file = InputFile::open(path, u64::MAX).map_err(|source| ImportError::File { path: path.into(), source })?;
+) -> Result<u64, Refused> {
+    let file = InputFile::open(path, u64::MAX)
+        .map_err(|source| Refused::at(path, format_args!("{source}; what was read before is not used")))?;
     let is_packed = path.extension().is_some_and(|kind| kind.eq_ignore_ascii_case("gz"));
     let file = BufReader::with_capacity(1 << 20, file);
     if is_packed {
@@ -165,7 +165,7 @@ pub fn import_text(
     names: &Names,
     sorting: &mut Sorting,
     progress: &mut dyn FnMut(u64),
-) -> Result<u64, ImportError> {
+) -> Result<u64, Refused> {
     let mut lines = Lines::new(text, path, LONGEST_LINE);
     let columns = loop {
         match lines.next()? {
@@ -182,7 +182,9 @@ pub fn import_text(
         rows += 1;
         let row = Row::split(&columns, &line)?;
         if let Some(star) = row.star(sorting)? {
-            sorting.add(&star).map_err(|source| ImportError::Star { path: path.into(), line: line.number, source })?;
+            sorting.add(&star).map_err(|source| {
+                Refused(format!("{path}, line {line}: {source}", path = path.display(), line = line.number))
+            })?;
         }
         if !line.is_ended {
             sorting.announce(WITHOUT_END, 1);
@@ -284,7 +286,7 @@ struct Columns<'a> {
 }
 
 impl<'a> Columns<'a> {
-    fn find(path: &'a Path, names: &'a Names, header: &str) -> Result<Self, ImportError> {
+    fn find(path: &'a Path, names: &'a Names, header: &str) -> Result<Self, Refused> {
         // Some programs begin a file with the mark of UTF-8.
         let header = header.trim_start_matches('\u{feff}');
         let cells: Vec<&str> = header.split(',').map(without_quotes).collect();
@@ -294,8 +296,15 @@ impl<'a> Columns<'a> {
         if missing.is_empty() {
             return Ok(Self { path, names, places, count: cells.len() });
         }
-        let got = header.chars().take(LONGEST_SHOWN).collect();
-        Err(ImportError::Columns { path: path.into(), missing: missing.join(", "), got })
+        let got = header.chars().take(LONGEST_SHOWN).collect::<String>();
+        Err(Refused::at(
+            path,
+            format_args!(
+                "no column {missing}; got {got}; say what the file calls them, such as --column phot_g_mean_mag=NAME, or that it \
+         has none, such as --column pmra= (of pmra, pmdec, parallax and bp_rp)",
+                missing = missing.join(", ")
+            ),
+        ))
     }
 }
 
@@ -306,18 +315,23 @@ struct Row<'a> {
 }
 
 impl<'a> Row<'a> {
-    fn split(columns: &'a Columns<'a>, line: &TextLine<'a>) -> Result<Self, ImportError> {
+    fn split(columns: &'a Columns<'a>, line: &TextLine<'a>) -> Result<Self, Refused> {
         let mut cells = Vec::with_capacity(columns.count);
         cells.extend(line.text.split(','));
         if cells.len() != columns.count {
-            let (path, wanted, got) = (columns.path.into(), columns.count, cells.len());
-            return Err(ImportError::Cells { path, line: line.number, wanted, got });
+            let (path, wanted, got) = (columns.path, columns.count, cells.len());
+            return Err(Refused(format!(
+                "{path}, line {line}: wanted {wanted} cells as the header has, got {got}; the file may be cut short, or a cell has a \
+         comma in it",
+                path = path.display(),
+                line = line.number
+            )));
         }
         Ok(Self { columns, line: line.number, cells })
     }
 
     /// Returns the star of the row; `None`, counted, when nothing can be drawn of it.
-    fn star(&self, sorting: &mut Sorting) -> Result<Option<NewStar>, ImportError> {
+    fn star(&self, sorting: &mut Sorting) -> Result<Option<NewStar>, Refused> {
         let text = self.text(SOURCE_ID);
         let source_id = text.parse().map_err(|_| self.refuse(SOURCE_ID, "a whole number"))?;
         let refuse = |column, wanted, _| self.refuse(column, wanted);
@@ -329,7 +343,7 @@ impl<'a> Row<'a> {
     }
 
     /// Returns a number, or `None` where the cell is blank or the file has no such column.
-    fn number(&self, column: usize) -> Result<Option<f64>, ImportError> {
+    fn number(&self, column: usize) -> Result<Option<f64>, Refused> {
         let text = self.text(column);
         if text.is_empty() || ["null", "nan"].iter().any(|blank| text.eq_ignore_ascii_case(blank)) {
             return Ok(None);
@@ -338,14 +352,14 @@ impl<'a> Row<'a> {
         number.map(Some).ok_or_else(|| self.refuse(column, "a number, or null"))
     }
 
-    fn refuse(&self, column: usize, wanted: &'static str) -> ImportError {
-        ImportError::Cell {
-            path: self.columns.path.into(),
-            line: self.line,
-            column: self.columns.names.columns[column].clone(),
-            wanted,
-            got: self.text(column).chars().take(LONGEST_SHOWN).collect(),
-        }
+    fn refuse(&self, column: usize, wanted: &'static str) -> Refused {
+        Refused(format!(
+            "{path}, line {line}, column {column}: wanted {wanted}, got \"{got}\"",
+            path = self.columns.path.display(),
+            line = self.line,
+            column = self.columns.names.columns[column],
+            got = self.text(column).chars().take(LONGEST_SHOWN).collect::<String>()
+        ))
     }
 }
 
@@ -364,7 +378,7 @@ mod tests {
         11.938616,-3.4,17.641426,18.1,16.9,1.2\n\
         1636148068921376768,34361129088,2016.0,45.0,0.02,null,null,null,18.5,null,null,null\n";
 
-    fn take(text: &[u8], name: &str, names: &Names) -> (Result<u64, ImportError>, Sorting, tempfile::TempDir) {
+    fn take(text: &[u8], name: &str, names: &Names) -> (Result<u64, Refused>, Sorting, tempfile::TempDir) {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(name);
         std::fs::write(&path, text).unwrap();

@@ -6,10 +6,8 @@
 //! mean by as much as it varies, so that its tolerance grows with the scatter. Sirius was too bright for the
 //! instrument: its Hp is 0.37 mag too faint, and [`SIRIUS`] has its magnitude. Tests: `super::bright_tests`.
 
-use super::{
-    bands::of_hipparcos, bright_star::BrightStar, crossmatch::tolerance_mag, error::ImportError, star_line::Line,
-};
-use base::source::direction_from_ra_dec;
+use super::{bands::of_hipparcos, bright_star::BrightStar, crossmatch::tolerance_mag, star_line::Line};
+use base::{refused::Refused, source::direction_from_ra_dec};
 use core::f64::consts::{FRAC_PI_2, TAU};
 
 /// Epoch of the positions, Julian year.
@@ -32,7 +30,7 @@ const V_I: [usize; 2] = [166, 171];
 
 /// Returns the star of a line; `None` when it has no magnitude.
 #[allow(clippy::cast_possible_truncation, reason = "magnitudes to 1e-6, and a number checked to be small")]
-pub(super) fn star(line: &Line<'_>) -> Result<Option<BrightStar>, ImportError> {
+pub(super) fn star(line: &Line<'_>) -> Result<Option<BrightStar>, Refused> {
     let field = |[first, last]: [usize; 2]| &line.text[first - 1..last];
     let hip = line.required("HIP", field(HIP), [1.0, 999_999.0], "a Hipparcos number")?;
     let ra_rad = line.required("RArad", field(RA_RAD), [0.0, TAU], "0 to 2 pi radians")?;

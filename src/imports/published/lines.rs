@@ -3,7 +3,7 @@
 //! A line ends with a line feed, or with a carriage return and a line feed; the last one may end with the text. Empty
 //! lines are left out. Memory: one line, whatever the text is. Tests: below, and `starloop_fuzz`'s `star_lines`.
 
-use super::error::ImportError;
+use base::refused::Refused;
 use std::io::{BufRead, Read};
 use std::path::Path;
 
@@ -33,32 +33,43 @@ impl<'a, R: BufRead> Lines<'a, R> {
     }
 
     /// Returns the next line; `None` after the last.
-    pub(super) fn next(&mut self) -> Result<Option<TextLine<'_>>, ImportError> {
+    pub(super) fn next(&mut self) -> Result<Option<TextLine<'_>>, Refused> {
         let length = loop {
             let Some(length) = self.read()? else { return Ok(None) };
             if length > 0 {
                 break length;
             }
         };
-        let text = core::str::from_utf8(&self.line[..length])
-            .map_err(|_| ImportError::NoText { path: self.path.into(), line: self.number })?;
+        let text = core::str::from_utf8(&self.line[..length]).map_err(|_| {
+            Refused(format!(
+                "{path}, line {line}: not UTF-8: wanted a table of text, unpacked or as .gz",
+                path = self.path.display(),
+                line = self.number
+            ))
+        })?;
         Ok(Some(TextLine { number: self.number, text, is_ended: self.line.ends_with(b"\n") }))
     }
 
     /// Reads a line, and gives its length without its end.
-    fn read(&mut self) -> Result<Option<usize>, ImportError> {
+    fn read(&mut self) -> Result<Option<usize>, Refused> {
         let most = self.longest as u64 + 2;
         self.line.clear();
         let read = (&mut self.text).take(most).read_until(b'\n', &mut self.line);
-        if read.map_err(|source| ImportError::File { path: self.path.into(), source })? == 0 {
+        if read.map_err(|source| Refused::at(self.path, format_args!("{source}; what was read before is not used")))?
+            == 0
+        {
             return Ok(None);
         }
         self.number += 1;
         let line = self.line.strip_suffix(b"\n").unwrap_or(&self.line);
         let line = line.strip_suffix(b"\r").unwrap_or(line);
         if line.len() > self.longest {
-            let (path, line) = (self.path.into(), self.number);
-            return Err(ImportError::LongLine { path, line, longest: self.longest });
+            let (path, line) = (self.path, self.number);
+            return Err(Refused(format!(
+                "{path}, line {line}: longer than {longest} bytes: wanted a table of text, one row a line",
+                path = path.display(),
+                longest = self.longest
+            )));
         }
         Ok(Some(line.len()))
     }

@@ -17,7 +17,6 @@ mod bands;
 pub mod bright;
 pub mod bright_star;
 mod crossmatch;
-mod error;
 pub mod gaia;
 mod hipparcos;
 mod lines;
@@ -25,7 +24,6 @@ mod star_line;
 mod tycho;
 
 pub use add_bright::add_bright;
-pub use error::ImportError;
 
 #[cfg(test)]
 mod bright_tests;

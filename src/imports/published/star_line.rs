@@ -1,6 +1,6 @@
 //! A line of a file of bright stars: its numbers, and what is said of one that is refused.
 
-use super::error::ImportError;
+use base::refused::Refused;
 use std::path::Path;
 
 /// One line of a file.
@@ -13,7 +13,7 @@ pub(super) struct Line<'a> {
 
 impl Line<'_> {
     /// Returns a number, or `None` where the field is blank.
-    pub(super) fn number(&self, column: &str, field: &str) -> Result<Option<f64>, ImportError> {
+    pub(super) fn number(&self, column: &str, field: &str) -> Result<Option<f64>, Refused> {
         let field = field.trim();
         if field.is_empty() {
             return Ok(None);
@@ -29,22 +29,21 @@ impl Line<'_> {
         field: &str,
         [low, high]: [f64; 2],
         wanted: &'static str,
-    ) -> Result<f64, ImportError> {
+    ) -> Result<f64, Refused> {
         let number = self.number(column, field)?.filter(|number| (low..=high).contains(number));
         number.ok_or_else(|| self.refuse(column, wanted, field))
     }
 
-    pub(super) fn refuse(&self, column: &str, wanted: &'static str, got: &str) -> ImportError {
-        ImportError::Cell {
-            path: self.path.into(),
-            line: self.number,
-            column: column.into(),
-            wanted,
-            got: got.trim().chars().take(40).collect(),
-        }
+    pub(super) fn refuse(&self, column: &str, wanted: &'static str, got: &str) -> Refused {
+        Refused(format!(
+            "{path}, line {line}, column {column}: wanted {wanted}, got \"{got}\"",
+            path = self.path.display(),
+            line = self.number,
+            got = got.trim().chars().take(40).collect::<String>()
+        ))
     }
 
-    pub(super) fn refuse_line(&self, wanted: &'static str) -> ImportError {
+    pub(super) fn refuse_line(&self, wanted: &'static str) -> Refused {
         self.refuse("all", wanted, self.text)
     }
 }

@@ -7,8 +7,8 @@
 //! J1991.25; where it has Hp (flag `H`), it replaces VT. Its second supplement, of doubtful stars, is not read. Tests:
 //! `super::bright_tests`.
 
-use super::{bands::of_tycho, bright_star::BrightStar, crossmatch::tolerance_mag, error::ImportError, star_line::Line};
-use base::{source::direction_from_ra_dec, units::DEG};
+use super::{bands::of_tycho, bright_star::BrightStar, crossmatch::tolerance_mag, star_line::Line};
+use base::{refused::Refused, source::direction_from_ra_dec, units::DEG};
 use stars::numbering::TYCHO_NUMBERS;
 
 /// Parts of a line of `tyc2.dat`.
@@ -38,7 +38,7 @@ const OBSERVED_EPOCHS: [usize; 2] = [26, 27];
 const MAGNITUDE_FLAG: usize = 10;
 
 /// Returns the star of a line of `tyc2.dat`; `None` when it has no magnitude.
-pub(super) fn star(line: &Line<'_>) -> Result<Option<BrightStar>, ImportError> {
+pub(super) fn star(line: &Line<'_>) -> Result<Option<BrightStar>, Refused> {
     let parts = parts::<PARTS>(line);
     if parts[FLAG].trim().is_empty() {
         return star_at(line, &parts, &MEAN, MEAN_EPOCH_YR);
@@ -48,7 +48,7 @@ pub(super) fn star(line: &Line<'_>) -> Result<Option<BrightStar>, ImportError> {
 }
 
 /// Returns the star of a line of `suppl_1.dat`; `None` when it has no magnitude.
-pub(super) fn supplement_star(line: &Line<'_>) -> Result<Option<BrightStar>, ImportError> {
+pub(super) fn supplement_star(line: &Line<'_>) -> Result<Option<BrightStar>, Refused> {
     let parts = parts::<SUPPLEMENT_PARTS>(line);
     let star = star_at(line, &parts, &SUPPLEMENT, SUPPLEMENT_EPOCH_YR)?;
     // Hp differs from VT by some tenths: less than what a star without a colour is allowed.
@@ -63,7 +63,7 @@ fn parts<'a, const N: usize>(line: &Line<'a>) -> [&'a str; N] {
 }
 
 #[allow(clippy::cast_possible_truncation, reason = "magnitudes to 1e-6")]
-fn star_at(line: &Line<'_>, parts: &[&str], places: &Places, epoch_yr: f64) -> Result<Option<BrightStar>, ImportError> {
+fn star_at(line: &Line<'_>, parts: &[&str], places: &Places, epoch_yr: f64) -> Result<Option<BrightStar>, Refused> {
     let ra_deg = line.required("RA", parts[places.ra], [0.0, 360.0], "0 to 360 degrees")?;
     let dec_deg = line.required("DE", parts[places.dec], [-90.0, 90.0], "-90 to 90 degrees")?;
     let motion = line.number("pmRA", parts[places.pm_ra])?.zip(line.number("pmDE", parts[places.pm_dec])?);
@@ -83,7 +83,7 @@ fn star_at(line: &Line<'_>, parts: &[&str], places: &Places, epoch_yr: f64) -> R
 }
 
 /// Reads `TYC1 TYC2 TYC3` as one number.
-fn number(line: &Line<'_>, part: &str) -> Result<i64, ImportError> {
+fn number(line: &Line<'_>, part: &str) -> Result<i64, Refused> {
     let refused = || line.refuse("TYC", "three numbers, such as 0001 00008 1", part);
     let mut numbers = part.split_whitespace().map(|word| word.parse::<u32>().ok());
     match [(); 4].map(|()| numbers.next()) {

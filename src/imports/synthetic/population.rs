@@ -5,13 +5,12 @@
 
 use super::density::{BRIGHTEST_MAG, Density, FAINTEST_MAG};
 use super::star::{LayerDraw, SPHERE_DEG2};
-use base::{random::key, source::direction_from_ra_dec};
+use base::{random::key, refused::Refused, source::direction_from_ra_dec};
 use glam::DVec3;
 use rayon::prelude::*;
 use stars::cover::CIRCLE;
 use stars::layer::{
-    Head, LayerError, LayerReport, LayerWriter, NewStar, StarRecord, UnnamedLayer, layer_name, order_for, tile_records,
-    tiles_of,
+    Head, LayerReport, LayerWriter, NewStar, StarRecord, UnnamedLayer, layer_name, order_for, tile_records, tiles_of,
 };
 use std::{fs, path::Path};
 
@@ -77,8 +76,8 @@ impl Population {
     ///
     /// # Errors
     /// When the disk failed.
-    pub fn write(&self, out: &Path, progress: &mut dyn FnMut(f64)) -> Result<Vec<LayerReport>, LayerError> {
-        fs::create_dir_all(out).map_err(LayerError::file("cannot make", out))?;
+    pub fn write(&self, out: &Path, progress: &mut dyn FnMut(f64)) -> Result<Vec<LayerReport>, Refused> {
+        fs::create_dir_all(out).map_err(Refused::file("cannot make", out))?;
         let draws: Vec<(LayerDraw, f64)> = (0..self.limits_mag.len()).map(|layer| self.draw(layer)).collect();
         let all: f64 = draws.iter().map(|(_, expected)| expected).sum();
         let (mut whole, mut done) = (Vec::new(), 0.0);
@@ -107,7 +106,7 @@ impl Population {
         draw: &LayerDraw,
         path: &Path,
         progress: &mut dyn FnMut(f64),
-    ) -> Result<UnnamedLayer, LayerError> {
+    ) -> Result<UnnamedLayer, Refused> {
         let credits = credits(self.seed);
         let mut writer = LayerWriter::create(path, draw.order, &credits, false)?;
         let tiles = tiles_of(draw.order) as u64;
@@ -118,7 +117,7 @@ impl Population {
                     true => draw_tile(draw, tile, stars),
                     false => Ok(Vec::new()),
                 })
-                .collect::<Result<_, LayerError>>()?;
+                .collect::<Result<_, Refused>>()?;
             for (tile, records) in (first..).zip(drawn) {
                 writer.append_tile(tile, records)?;
             }
@@ -130,7 +129,7 @@ impl Population {
     }
 }
 
-fn draw_tile(draw: &LayerDraw, tile: u64, stars: &mut Vec<NewStar>) -> Result<Vec<StarRecord>, LayerError> {
+fn draw_tile(draw: &LayerDraw, tile: u64, stars: &mut Vec<NewStar>) -> Result<Vec<StarRecord>, Refused> {
     draw.stars(tile, &Density::towards(centre(draw.order, tile)), stars);
     tile_records(draw.order, tile, stars)
 }

@@ -8,7 +8,7 @@
 //! of each submit time that a run or `starloop display flip` kept. Input: CSV with `submit_s,edge_s`, one row a flip,
 //! seconds of one clock; no edge: leave `edge_s` empty. Tests below.
 
-use base::{least_squares::median, time::Span};
+use base::{least_squares::median, refused::Refused, time::Span};
 use serde::{Deserialize, Serialize};
 use std::io::Read;
 
@@ -53,50 +53,6 @@ pub struct Latency {
     pub marker_row_share: f64,
 }
 
-/// Reason why a latency cannot be computed.
-#[derive(Debug, thiserror::Error, PartialEq)]
-pub enum LatencyError {
-    /// The table is none.
-    #[error(
-        "marker table, line {line}: wanted submit_s,edge_s in seconds of one clock (edge_s may be empty), got {got}"
-    )]
-    Row {
-        /// Line, the header being 1.
-        line: u64,
-        /// Value that was found.
-        got: String,
-    },
-    /// Flips so close to one another that an edge may be of any of them.
-    #[error(
-        "marker flips: wanted at least {FEWEST_EDGES} that the next one follows after {APART_S} s or more, got {apart} of \
-         {flips}; an edge could be of another flip: `starloop display flip` flips slowly"
-    )]
-    Close {
-        /// Flips that stand alone.
-        apart: usize,
-        /// All flips.
-        flips: usize,
-    },
-    /// Too few edges.
-    #[error(
-        "marker table: wanted at least {FEWEST_EDGES} flips with an edge, got {got}; let the marker flip for longer"
-    )]
-    Few {
-        /// Edges found.
-        got: usize,
-    },
-    /// Too many flips without one.
-    #[error(
-        "marker table: wanted edges for nine of ten flips, got {missed} of {flips} without one; check the photodiode's place and threshold"
-    )]
-    Missed {
-        /// Flips without an edge, or with one before the submit or a second after it.
-        missed: usize,
-        /// All flips.
-        flips: usize,
-    },
-}
-
 /// One flip of the marker: a line of the table.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Flip {
@@ -112,7 +68,7 @@ pub struct Flip {
 ///
 /// # Errors
 /// When too few flips are left.
-pub fn flips_of(submits_s: &[f64], edges_s: &[f64]) -> Result<Vec<Flip>, LatencyError> {
+pub fn flips_of(submits_s: &[f64], edges_s: &[f64]) -> Result<Vec<Flip>, Refused> {
     let sorted = |times: &[f64]| {
         let mut times = times.to_vec();
         times.sort_by(f64::total_cmp);
@@ -131,7 +87,12 @@ pub fn flips_of(submits_s: &[f64], edges_s: &[f64]) -> Result<Vec<Flip>, Latency
         })
         .collect();
     if flips.len() < FEWEST_EDGES {
-        return Err(LatencyError::Close { apart: flips.len(), flips: submits.len() });
+        return Err(Refused(format!(
+            "marker flips: wanted at least {FEWEST_EDGES} that the next one follows after {APART_S} s or more, got {apart} of \
+         {flips}; an edge could be of another flip: `starloop display flip` flips slowly",
+            apart = flips.len(),
+            flips = submits.len()
+        )));
     }
     Ok(flips)
 }
@@ -158,13 +119,10 @@ impl Latency {
     ///
     /// # Errors
     /// When the table cannot be read, or has too few edges.
-    pub fn measured(input: impl Read, marker_row_share: f64, scan: Span) -> Result<Self, LatencyError> {
+    pub fn measured(input: impl Read, marker_row_share: f64, scan: Span) -> Result<Self, Refused> {
         let mut flips = Vec::new();
         for row in csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(input).deserialize() {
-            flips.push(row.map_err(|error: csv::Error| LatencyError::Row {
-                line: error.position().map_or(1, csv::Position::line),
-                got: error.to_string(),
-            })?);
+            flips.push(row.map_err(|error: csv::Error| Refused(format!("marker table, line {line}: wanted submit_s,edge_s in seconds of one clock (edge_s may be empty), got {error}", line = error.position().map_or(1, csv::Position::line))))?);
         }
         Self::of_flips(&flips, marker_row_share, scan)
     }
@@ -173,7 +131,7 @@ impl Latency {
     ///
     /// # Errors
     /// When too few have an edge.
-    pub fn of_flips(flips: &[Flip], marker_row_share: f64, scan: Span) -> Result<Self, LatencyError> {
+    pub fn of_flips(flips: &[Flip], marker_row_share: f64, scan: Span) -> Result<Self, Refused> {
         let delay_s = |flip: &Flip| flip.edge_s.map(|edge_s| edge_s - flip.submit_s);
         let plausible = flips.iter().filter_map(delay_s).filter(|s| (0.0..=LONGEST_S).contains(s));
         let mut delays_ns: Vec<f64> = plausible.map(|s| s * 1e9).collect();
@@ -181,10 +139,14 @@ impl Latency {
         let seen = delays_ns.len();
         let missed = flips - seen;
         if seen < FEWEST_EDGES {
-            return Err(LatencyError::Few { got: seen });
+            return Err(Refused(format!(
+                "marker table: wanted at least {FEWEST_EDGES} flips with an edge, got {seen}; let the marker flip for longer"
+            )));
         }
         if missed as f64 > MOST_MISSED * flips as f64 {
-            return Err(LatencyError::Missed { missed, flips });
+            return Err(Refused(format!(
+                "marker table: wanted edges for nine of ten flips, got {missed} of {flips} without one; check the photodiode's place and threshold"
+            )));
         }
         delays_ns.sort_by(f64::total_cmp);
         let quantile = |share: f64| delays_ns[((seen - 1) as f64 * share).round() as usize];
@@ -241,7 +203,7 @@ mod tests {
         "submit_s,edge_s\n".to_owned() + &(0..flips).map(row).collect::<String>()
     }
 
-    fn measured(text: &str) -> Result<Latency, LatencyError> {
+    fn measured(text: &str) -> Result<Latency, Refused> {
         Latency::measured(text.as_bytes(), 0.0, Span::from_ms(16))
     }
 
@@ -273,7 +235,15 @@ mod tests {
         let at = |period_s: f64| (0..40).map(|i| period_s * f64::from(i)).collect::<Vec<f64>>();
         assert!(flips_of(&at(0.1001), &[]).is_ok(), "no edges are the next step's complaint");
         let error = flips_of(&at(1.0 / 60.0), &edges).unwrap_err();
-        assert_eq!(error, LatencyError::Close { apart: 0, flips: 40 });
+        assert_eq!(
+            error,
+            Refused(format!(
+                "marker flips: wanted at least {FEWEST_EDGES} that the next one follows after {APART_S} s or more, got {apart} of \
+         {flips}; an edge could be of another flip: `starloop display flip` flips slowly",
+                apart = 0,
+                flips = 40
+            ))
+        );
         assert!(error.to_string().contains("display flip"), "{error}");
     }
 
@@ -288,12 +258,26 @@ mod tests {
 
     #[test]
     fn a_table_that_says_nothing_is_refused() {
-        assert!(matches!(measured("submit_s,edge_s\n1.0,soon\n"), Err(LatencyError::Row { line: 2, .. })));
-        assert!(matches!(measured("a,b\n1.0,2.0\n"), Err(LatencyError::Row { .. })));
-        assert_eq!(measured(&table(|_| Some(5.0), 9)), Err(LatencyError::Few { got: 9 }));
+        let refused = |text: &str| measured(text).unwrap_err().to_string();
+        assert!(refused("submit_s,edge_s\n1.0,soon\n").starts_with("marker table, line 2: "));
+        assert!(refused("a,b\n1.0,2.0\n").starts_with("marker table, line "));
+        assert_eq!(
+            measured(&table(|_| Some(5.0), 9)),
+            Err(Refused(format!(
+                "marker table: wanted at least {FEWEST_EDGES} flips with an edge, got {got}; let the marker flip for longer",
+                got = 9
+            )))
+        );
         assert!(measured(&table(|_| Some(5.0), 10)).is_ok());
         let often_missed = measured(&table(|i| (i % 5 != 0).then_some(5.0), 100));
-        assert_eq!(often_missed, Err(LatencyError::Missed { missed: 20, flips: 100 }));
-        assert!(matches!(measured(&table(|_| Some(-1.0), 100)), Err(LatencyError::Few { got: 0 })));
+        assert_eq!(
+            often_missed,
+            Err(Refused(format!(
+                "marker table: wanted edges for nine of ten flips, got {missed} of {flips} without one; check the photodiode's place and threshold",
+                missed = 20,
+                flips = 100
+            )))
+        );
+        assert!(refused(&table(|_| Some(-1.0), 100)).contains("got 0;"));
     }
 }

@@ -9,7 +9,7 @@
 //! places and all times; no cross-talk between neighbouring pixels. Tests below; end to end in
 //! `tests/physics/display_calibration`.
 
-use base::least_squares::median;
+use base::{least_squares::median, refused::Refused};
 use serde::{Deserialize, Serialize};
 
 /// Fewest greys that make a response, black and full among them.
@@ -48,54 +48,6 @@ pub struct ResponseParameters {
     pub level: Vec<GreyLevel>,
 }
 
-/// Reason why numbers are not a response.
-#[derive(Debug, thiserror::Error, PartialEq)]
-pub enum ResponseError {
-    /// Bits out of range.
-    #[error("a display's grey: wanted 6 to 16 bits, got {got}")]
-    Bits {
-        /// Value that was given.
-        got: u32,
-    },
-    /// Too few greys, or black or full missing.
-    #[error(
-        "a display's response: wanted at least {FEWEST_GREYS} greys with 0 and {highest} among them, got {count} from {first} to {last}; measure the ramp's missing patterns"
-    )]
-    Greys {
-        /// Highest grey.
-        highest: f64,
-        /// Number of entries.
-        count: usize,
-        /// Lowest given.
-        first: f64,
-        /// Highest given.
-        last: f64,
-    },
-    /// Full long before full grey.
-    #[error(
-        "a display's response: grey {grey} is as bright as full grey, {highest} ({:.1} % of it); did the camera saturate (expose shorter), or does a picture mode of the display lift its whites (switch it off)?",
-        100.0 * share
-    )]
-    FullTooSoon {
-        /// The grey.
-        grey: f64,
-        /// Full grey.
-        highest: f64,
-        /// Its luminance over that of full grey.
-        share: f64,
-    },
-    /// The luminance does not rise.
-    #[error(
-        "a display's response: wanted luminance that rises with grey, got {luminance} at grey {grey}; was the exposure changed, or the display's dynamic contrast left on?"
-    )]
-    NotRising {
-        /// Grey level.
-        grey: f64,
-        /// Luminance at that grey.
-        luminance: f64,
-    },
-}
-
 /// Luminance of every grey of a display.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Response {
@@ -108,9 +60,9 @@ impl Response {
     ///
     /// # Errors
     /// When greys are missing or luminance does not rise.
-    pub fn new(parameters: ResponseParameters) -> Result<Self, ResponseError> {
+    pub fn new(parameters: ResponseParameters) -> Result<Self, Refused> {
         if !BITS.contains(&parameters.bits) {
-            return Err(ResponseError::Bits { got: parameters.bits });
+            return Err(Refused(format!("a display's grey: wanted 6 to 16 bits, got {got}", got = parameters.bits)));
         }
         let highest = f64::from((1_u32 << parameters.bits) - 1);
         let level = &parameters.level;
@@ -118,9 +70,18 @@ impl Response {
         let complete = ends.filter(|(first, last)| first.grey == 0.0 && last.grey == highest);
         let (Some((first, last)), true) = (complete, level.len() >= FEWEST_GREYS) else {
             let [first, last] = ends.map_or([f64::NAN; 2], |(first, last)| [first.grey, last.grey]);
-            return Err(ResponseError::Greys { highest, count: level.len(), first, last });
+            return Err(Refused(format!(
+                "a display's response: wanted at least {FEWEST_GREYS} greys with 0 and {highest} among them, got {count} from {first} to {last}; measure the ramp's missing patterns",
+                count = level.len()
+            )));
         };
-        let not_rising = |at: &GreyLevel| Err(ResponseError::NotRising { grey: at.grey, luminance: at.luminance });
+        let not_rising = |at: &GreyLevel| {
+            Err(Refused(format!(
+                "a display's response: wanted luminance that rises with grey, got {luminance} at grey {grey}; was the exposure changed, or the display's dynamic contrast left on?",
+                luminance = at.luminance,
+                grey = at.grey
+            )))
+        };
         if first.luminance != 0.0 || last.luminance != 1.0 || !(0.0..1.0).contains(&parameters.black_share) {
             return not_rising(if first.luminance == 0.0 { &last } else { &first });
         }
@@ -130,7 +91,11 @@ impl Response {
         }
         let luminance = every_grey(level, highest);
         match (1..luminance.len()).find(|&grey| luminance[grey] <= luminance[grey - 1]) {
-            Some(grey) => Err(ResponseError::NotRising { grey: grey as f64, luminance: luminance[grey] }),
+            Some(grey) => Err(Refused(format!(
+                "a display's response: wanted luminance that rises with grey, got {luminance} at grey {grey}; was the exposure changed, or the display's dynamic contrast left on?",
+                luminance = luminance[grey],
+                grey = grey as f64
+            ))),
             None => Ok(Self { parameters, luminance }),
         }
     }
@@ -140,9 +105,9 @@ impl Response {
     ///
     /// # Errors
     /// When the bits are out of range or gamma does not rise.
-    pub fn of_gamma(bits: u32, gamma: f64) -> Result<Self, ResponseError> {
+    pub fn of_gamma(bits: u32, gamma: f64) -> Result<Self, Refused> {
         if !BITS.contains(&bits) {
-            return Err(ResponseError::Bits { got: bits });
+            return Err(Refused(format!("a display's grey: wanted 6 to 16 bits, got {bits}")));
         }
         let highest = (1_u32 << bits) - 1;
         let node = |i: u32| {
@@ -189,24 +154,34 @@ impl Response {
 ///
 /// # Errors
 /// When greys are missing or the luminance does not rise.
-pub fn response_of(bits: u32, measured: &[GreyLevel]) -> Result<ResponseParameters, ResponseError> {
+pub fn response_of(bits: u32, measured: &[GreyLevel]) -> Result<ResponseParameters, Refused> {
     if !BITS.contains(&bits) {
-        return Err(ResponseError::Bits { got: bits });
+        return Err(Refused(format!("a display's grey: wanted 6 to 16 bits, got {bits}")));
     }
     let highest = f64::from((1_u32 << bits) - 1);
     let ends = measured.first().zip(measured.last()).filter(|(black, full)| black.grey == 0.0 && full.grey == highest);
     let Some((black, full)) = ends.filter(|_| measured.len() >= FEWEST_GREYS) else {
         let [first, last] = [measured.first(), measured.last()].map(|end| end.map_or(f64::NAN, |end| end.grey));
-        return Err(ResponseError::Greys { highest, count: measured.len(), first, last });
+        return Err(Refused(format!(
+            "a display's response: wanted at least {FEWEST_GREYS} greys with 0 and {highest} among them, got {count} from {first} to {last}; measure the ramp's missing patterns",
+            count = measured.len()
+        )));
     };
     let range = full.luminance - black.luminance;
     if !(range > 0.0 && range.is_finite()) {
-        return Err(ResponseError::NotRising { grey: highest, luminance: full.luminance });
+        return Err(Refused(format!(
+            "a display's response: wanted luminance that rises with grey, got {luminance} at grey {highest}; was the exposure changed, or the display's dynamic contrast left on?",
+            luminance = full.luminance
+        )));
     }
     let share_of = |level: &GreyLevel| (level.luminance - black.luminance) / range;
     let is_too_soon = |level: &&GreyLevel| level.grey <= NEARLY_FULL_GREY * highest && share_of(level) > FULL_LUMINANCE;
     if let Some(level) = measured.iter().find(is_too_soon) {
-        return Err(ResponseError::FullTooSoon { grey: level.grey, highest, share: share_of(level) });
+        return Err(Refused(format!(
+            "a display's response: grey {grey} is as bright as full grey, {highest} ({:.1} % of it); did the camera saturate (expose shorter), or does a picture mode of the display lift its whites (switch it off)?",
+            100.0 * share_of(level),
+            grey = level.grey
+        )));
     }
     let relative = |level: &GreyLevel| GreyLevel {
         luminance: share_of(level),

@@ -1,5 +1,6 @@
 //! Errors of the live view.
 
+use base::refused::Refused;
 use std::{io, net::SocketAddr};
 
 /// A live view that could not be started.
@@ -15,12 +16,7 @@ pub enum LiveError {
         /// The system's reason.
         source: io::Error,
     },
-    /// There is nothing to show.
-    #[error(
-        "Params.heads of the live view: got an empty list, wanted at least one camera head; list every head of the run"
-    )]
-    NoHeads,
-    /// Its thread could not be started.
-    #[error("the live view's thread cannot be started: {0}; the run goes on without --monitor")]
-    Thread(io::Error),
+    /// What it says.
+    #[error(transparent)]
+    Refused(#[from] Refused),
 }

@@ -4,7 +4,7 @@ use crate::live::latest::{Picture, latest};
 use crate::live::route::{SharedBoard, lock};
 use crate::live::{HeadParams, LiveError, Params};
 use crate::live::{board::Board, head::Head, lateness::LatenessBins, numbers::Numbers, server::serve, sink::LiveSink};
-use base::{clock::Clock, time::Span};
+use base::{clock::Clock, refused::Refused, time::Span};
 use frames::sink::SentFrame;
 use std::net::{SocketAddr, TcpListener};
 use std::sync::{Arc, Mutex};
@@ -35,14 +35,16 @@ impl LiveView {
     /// When the list of heads is empty, when the address cannot be used, or when the thread cannot be started.
     pub fn start(params: Params, clock: Arc<dyn Clock>) -> Result<(Self, Vec<LiveSink>, Numbers), LiveError> {
         if params.heads.is_empty() {
-            return Err(LiveError::NoHeads);
+            return Err(LiveError::from(Refused("Params.heads of the live view: got an empty list, wanted at least one camera head; list every head of the run".to_owned())));
         }
         let refused = |address| move |source| LiveError::Listen { address, source };
         let asked = params.address;
         let listener = TcpListener::bind(asked).map_err(refused(asked))?;
         listener.set_nonblocking(true).map_err(refused(asked))?;
         let address = listener.local_addr().map_err(refused(asked))?;
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(LiveError::Thread)?;
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(|e| {
+            Refused(format!("the live view's thread cannot be started: {e}; the run goes on without --monitor"))
+        })?;
         let (board, sinks, numbers) = parts(params, &clock);
         let board: SharedBoard = Arc::new(Mutex::new(board));
         let stop = Arc::new(Notify::new());
@@ -53,7 +55,9 @@ impl LiveView {
             }
         };
         let thread = std::thread::Builder::new().name("live".into()).spawn(move || runtime.block_on(serving));
-        let thread = Some(thread.map_err(LiveError::Thread)?);
+        let thread = Some(thread.map_err(|e| {
+            Refused(format!("the live view's thread cannot be started: {e}; the run goes on without --monitor"))
+        })?);
         Ok((Self { address, board, stop, thread }, sinks, numbers))
     }
 

@@ -5,11 +5,11 @@ use crate::network_camera::packets::{Outlet, TestOutlet};
 use crate::network_camera::params::{CommandParams, DeviceParams, Params, SensorParams};
 use crate::network_camera::stream::{Kept, Stream};
 use crate::network_camera::{
-    acquisition::Turn, counters::Counters, device::Device, error::NetworkCameraError, listener::Listener,
-    ptp::PtpClient, shared::Shared, slots::Slot,
+    acquisition::Turn, counters::Counters, device::Device, listener::Listener, ptp::PtpClient, shared::Shared,
+    slots::Slot,
 };
 use base::clock::{Clock, Monotonic};
-use base::time::Span;
+use base::{refused::Refused, time::Span};
 use crossbeam_channel::{Receiver, Sender, bounded};
 use frames::sink::crc32::{RunCrc32, pixel_crc32};
 use frames::sink::{Loss, LossKind, SentFrame, Sink, SinkError, SinkSummary};
@@ -55,7 +55,7 @@ impl NetworkCamera {
         sensor: &SensorParams,
         commands: Option<CommandParams>,
         clock: Arc<dyn Clock>,
-    ) -> Result<Self, NetworkCameraError> {
+    ) -> Result<Self, Refused> {
         params.check(sensor)?;
         let clock = if clock.is_real() { clock } else { Arc::new(Monotonic::start()) };
         let found = Interface::of(params.address)?;

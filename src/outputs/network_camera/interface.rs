@@ -2,8 +2,8 @@
 //!
 //! On loopback every address of 127.0.0.0/8 is there, so that several cameras share one machine.
 
-use crate::network_camera::error::NetworkCameraError;
 use crate::network_camera::params::{PACKET_BYTES_MAX, PACKET_BYTES_MIN};
+use base::refused::Refused;
 use nix::ifaddrs::{InterfaceAddress, getifaddrs};
 use nix::sys::socket::{SockaddrStorage, setsockopt, sockopt};
 use rustix::net::sockopt::{
@@ -33,7 +33,7 @@ pub(super) struct Interface {
 
 impl Interface {
     /// Returns the interface that has `address`.
-    pub(super) fn of(address: Ipv4Addr) -> Result<Self, NetworkCameraError> {
+    pub(super) fn of(address: Ipv4Addr) -> Result<Self, Refused> {
         let all: Vec<InterfaceAddress> =
             getifaddrs().map_err(|error| system(address, "list the interfaces", error.into(), ""))?.collect();
         let found = all.iter().find_map(|entry| {
@@ -46,7 +46,8 @@ impl Interface {
                 all.iter().filter_map(|entry| ipv4(entry.address.as_ref())).map(|own| own.to_string()).collect();
             own.join(", ")
         };
-        let (name, mask) = found.ok_or_else(|| NetworkCameraError::NoInterface { address, known: known() })?;
+        let (name, mask) = found.ok_or_else(|| Refused(format!("network camera at {address}: no interface has this address; wanted one of: {known}; try 127.0.0.1, or give the \
+         interface the address", known = known())))?;
         let of_it = || all.iter().filter(|entry| base_name(&entry.interface_name) == name);
         // Several addresses are several cameras: only the first has the interface's own hardware address.
         let is_first = of_it().find_map(|entry| ipv4(entry.address.as_ref())) == Some(address);
@@ -55,10 +56,13 @@ impl Interface {
     }
 
     /// Returns the most bytes of a packet, a whole number of words.
-    pub(super) fn packet_bytes_max(&self) -> Result<u32, NetworkCameraError> {
+    pub(super) fn packet_bytes_max(&self) -> Result<u32, Refused> {
         if self.mtu < PACKET_BYTES_MIN {
             let (address, name, mtu) = (self.address, self.name.clone(), self.mtu);
-            return Err(NetworkCameraError::SmallMtu { address, name, mtu });
+            return Err(Refused(format!(
+                "network camera at {address}: packets on {name} have at most {mtu} bytes (its MTU); wanted 576 or more; raise the \
+         MTU, or take the address of another interface"
+            )));
         }
         Ok(self.mtu.min(PACKET_BYTES_MAX) & !3)
     }
@@ -96,7 +100,7 @@ fn mtu(name: &str) -> u32 {
 }
 
 /// Returns the control port. Without sharing: a second camera on the same address is refused by the system.
-pub(super) fn control_socket(address: Ipv4Addr, port: u16) -> Result<UdpSocket, NetworkCameraError> {
+pub(super) fn control_socket(address: Ipv4Addr, port: u16) -> Result<UdpSocket, Refused> {
     let advice = "; another camera may have it: take another address (127.0.0.2, ...) or port";
     let open = || {
         let socket = UdpSocket::bind((address, port))?;
@@ -107,7 +111,7 @@ pub(super) fn control_socket(address: Ipv4Addr, port: u16) -> Result<UdpSocket, 
 }
 
 /// Returns the port that messages come from.
-pub(super) fn message_socket(address: Ipv4Addr) -> Result<UdpSocket, NetworkCameraError> {
+pub(super) fn message_socket(address: Ipv4Addr) -> Result<UdpSocket, Refused> {
     let open = || {
         let socket = UdpSocket::bind((address, 0))?;
         socket.set_nonblocking(true)?;
@@ -128,7 +132,7 @@ pub(super) fn broadcast_socket(broadcast: Ipv4Addr, port: u16) -> io::Result<Udp
 }
 
 /// Returns the port that packets come from. They are never fragmented.
-pub(super) fn stream_socket(address: Ipv4Addr) -> Result<UdpSocket, NetworkCameraError> {
+pub(super) fn stream_socket(address: Ipv4Addr) -> Result<UdpSocket, Refused> {
     let open = || {
         let socket = UdpSocket::bind((address, 0))?;
         set_ip_mtu_discover(&socket, Ipv4PathMtuDiscovery::DO)?;
@@ -141,13 +145,8 @@ pub(super) fn stream_socket(address: Ipv4Addr) -> Result<UdpSocket, NetworkCamer
     open().map_err(|source| system(address, "open the stream's port", source, ""))
 }
 
-pub(super) fn system(
-    address: Ipv4Addr,
-    doing: &'static str,
-    source: io::Error,
-    advice: &'static str,
-) -> NetworkCameraError {
-    NetworkCameraError::System { address: address.to_string(), doing, source, advice }
+pub(super) fn system(address: Ipv4Addr, doing: &'static str, source: io::Error, advice: &'static str) -> Refused {
+    Refused(format!("network camera at {address}: cannot {doing} ({source}){advice}"))
 }
 
 #[cfg(test)]

@@ -45,7 +45,6 @@ mod counters;
 mod device;
 #[cfg(test)]
 mod device_tests;
-mod error;
 mod first_values;
 mod gvcp;
 mod gvsp;
@@ -77,7 +76,6 @@ pub use acquisition::Wanted;
 pub use camera::NetworkCamera;
 pub use counters::Counters;
 pub use device::{Answer, Device};
-pub use error::NetworkCameraError;
 pub use gvcp::{Malformed, Status};
 pub use gvsp::StreamSettings;
 pub use params::{CommandParams, DeviceParams, Identity, Params, SensorParams, XmlForm};

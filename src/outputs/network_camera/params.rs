@@ -1,7 +1,7 @@
 //! The parameters of a camera before it starts: its place on the network, its names, and the sensor behind it.
 
-use crate::network_camera::{error::NetworkCameraError, pixel_format::PixelFormat};
-use base::{bayer::BayerPattern, clock::Clock};
+use crate::network_camera::pixel_format::PixelFormat;
+use base::{bayer::BayerPattern, clock::Clock, refused::Refused};
 use frames::camera_control::{CameraDesk, CameraRange, CameraSettings, StartSettings};
 use std::{net::Ipv4Addr, path::PathBuf, sync::Arc};
 
@@ -165,8 +165,9 @@ impl Params {
     ///
     /// # Errors
     /// When the address or the serial number cannot take the number.
-    pub fn of_head(&self, head: usize) -> Result<Self, NetworkCameraError> {
-        let refuse = |what, wanted: &str, got: String| NetworkCameraError::Invalid { what, wanted: wanted.into(), got };
+    pub fn of_head(&self, head: usize) -> Result<Self, Refused> {
+        let refuse =
+            |what, wanted: &str, got: String| Refused(format!("network camera: {what} is {got}; wanted {wanted}"));
         let more = u8::try_from(head).ok();
         let [a, b, c, last] = self.address.octets();
         let last = more.and_then(|more| last.checked_add(more)).filter(|last| *last < 255);
@@ -186,9 +187,9 @@ impl Params {
     }
 
     /// Refuses parameters that no camera can have.
-    pub(super) fn check(&self, sensor: &SensorParams) -> Result<(), NetworkCameraError> {
+    pub(super) fn check(&self, sensor: &SensorParams) -> Result<(), Refused> {
         let refuse =
-            |what, wanted: &str, got: String| Err(NetworkCameraError::Invalid { what, wanted: wanted.into(), got });
+            |what, wanted: &str, got: String| Err(Refused(format!("network camera: {what} is {got}; wanted {wanted}")));
         if sensor.size_px.iter().any(|side| !(1..=16_384).contains(side)) {
             return refuse("size_px", "sides of 1 to 16384 px", format!("{:?}", sensor.size_px));
         }
@@ -213,7 +214,7 @@ impl Params {
 }
 
 impl Identity {
-    fn check(&self) -> Result<(), NetworkCameraError> {
+    fn check(&self) -> Result<(), Refused> {
         for (what, text, most) in [
             ("vendor", &self.vendor, 31),
             ("model", &self.model, 31),
@@ -226,7 +227,7 @@ impl Identity {
                 text.bytes().all(|byte| byte == b' ' || byte.is_ascii_graphic() && !b"<>&\"'".contains(&byte));
             if text.len() > most || !is_plain {
                 let wanted = format!("at most {most} plain characters (ASCII without < > & and quotes)");
-                return Err(NetworkCameraError::Invalid { what, wanted, got: format!("{text:?}") });
+                return Err(Refused(format!("network camera: {what} is {text:?}; wanted {wanted}")));
             }
         }
         Ok(())

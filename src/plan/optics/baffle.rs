@@ -19,6 +19,7 @@
 //! file ([`Glare::towards`]). Tests below: Lambert sphere in closed form, table, phases, eclipse;
 //! `tests/physics/field_light` for the whole chain.
 
+use base::refused::Refused;
 use base::units::{AU_KM, DEG};
 use core::f64::consts::{FRAC_PI_2, PI, TAU};
 use glam::{DVec2, DVec3};
@@ -45,41 +46,6 @@ const SUN_RADIUS_KM: f64 = 695_700.0;
 /// Radius of the Moon, km.
 const MOON_RADIUS_KM: f64 = 1_737.4;
 
-/// Error in a table of transmittances.
-#[derive(Debug, thiserror::Error, PartialEq)]
-pub enum BaffleError {
-    /// Too few rows.
-    #[error(
-        "point-source transmittance: wanted 2 to 1000 rows of [angle_deg, transmittance], got {got}; one row gives no slope"
-    )]
-    Rows {
-        /// Number of rows.
-        got: usize,
-    },
-    /// An angle is out of range or not above the one before.
-    #[error(
-        "point-source transmittance, row {row}: wanted an angle above {after_deg} and up to 180 deg, got {got_deg}; sort the rows by angle"
-    )]
-    Angle {
-        /// Row, counted from 1.
-        row: usize,
-        /// Angle of the row before, deg.
-        after_deg: f64,
-        /// Angle given, deg.
-        got_deg: f64,
-    },
-    /// A transmittance is out of range.
-    #[error(
-        "point-source transmittance, row {row}: wanted a share above 0 and up to 1, got {got}; where no light is left, give a very small one such as 1e-30"
-    )]
-    Transmittance {
-        /// Row, counted from 1.
-        row: usize,
-        /// Value given.
-        got: f64,
-    },
-}
-
 /// Transmittance against the angle off the boresight.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PointSourceTransmittance {
@@ -92,18 +58,26 @@ impl PointSourceTransmittance {
     ///
     /// # Errors
     /// When there are fewer than two rows, angles do not rise within 0..180, or a share is not in 0..1.
-    pub fn new(rows: &[[f64; 2]]) -> Result<Self, BaffleError> {
+    pub fn new(rows: &[[f64; 2]]) -> Result<Self, Refused> {
         if !(2..=1000).contains(&rows.len()) {
-            return Err(BaffleError::Rows { got: rows.len() });
+            return Err(Refused(format!(
+                "point-source transmittance: wanted 2 to 1000 rows of [angle_deg, transmittance], got {got}; one row gives no slope",
+                got = rows.len()
+            )));
         }
         let mut after_deg = f64::NEG_INFINITY;
         for (i, [got_deg, got]) in rows.iter().copied().enumerate() {
             let row = i + 1;
             if !(got_deg > after_deg && (0.0..=180.0).contains(&got_deg)) {
-                return Err(BaffleError::Angle { row, after_deg: after_deg.max(0.0), got_deg });
+                return Err(Refused(format!(
+                    "point-source transmittance, row {row}: wanted an angle above {after_deg} and up to 180 deg, got {got_deg}; sort the rows by angle",
+                    after_deg = after_deg.max(0.0)
+                )));
             }
             if !(got > 0.0 && got <= 1.0) {
-                return Err(BaffleError::Transmittance { row, got });
+                return Err(Refused(format!(
+                    "point-source transmittance, row {row}: wanted a share above 0 and up to 1, got {got}; where no light is left, give a very small one such as 1e-30"
+                )));
             }
             after_deg = got_deg;
         }

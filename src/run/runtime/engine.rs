@@ -14,7 +14,7 @@ use crate::runtime::{
     error::RunError, exposing::Exposing, imager::Imager, params::RunParams, path_facts::PathFacts, receiver::Receiver,
 };
 use base::time::{Span, Tai};
-use base::{axes::Rotation, clock::Stopwatch, region::Regions, units::SPEED_OF_LIGHT_KM_S};
+use base::{axes::Rotation, clock::Stopwatch, refused::Refused, region::Regions, units::SPEED_OF_LIGHT_KM_S};
 pub use draw::Light;
 use frames::report::{FrameEnd, Stage, StageTimes};
 use frames::sink::SentFrame;
@@ -25,7 +25,7 @@ use plan::attitude::{
 };
 use plan::exposure::{ExposurePlan, Instrument, Planner, Source, SourcePlace};
 use plan::{exposure::cost::CostModel, exposure::target::Target, optics::PsfModel};
-use scene::{Scene, error::SceneError, field_light::illumination_map, wcs::WcsMaker};
+use scene::{Scene, field_light::illumination_map, wcs::WcsMaker};
 use sky::{almanac::Almanac, astrometry::Sight};
 use stars::Sky;
 
@@ -73,7 +73,7 @@ impl FrameEngine {
     /// When the backend or the catalog is unavailable.
     pub fn new(params: RunParams) -> Result<Self, RunError> {
         let imager = Imager::of_detector(params.backend, params.camera.make_detector(params.seeds())?)?;
-        let (sky, almanac) = (params.open_sky()?, params.almanac());
+        let (sky, almanac) = (params.open_sky().map_err(RunError::Stars)?, params.almanac());
         Self::with_sky(params, imager, &sky, &almanac)
     }
 
@@ -224,7 +224,7 @@ impl FrameEngine {
     /// # Errors
     /// When the system cannot start the thread.
     pub fn read_stars_ahead(&mut self) -> Result<(), RunError> {
-        Ok(self.scene.stars.read_ahead()?)
+        self.scene.stars.read_ahead().map_err(RunError::Scene)
     }
 
     /// Overrides the measured load for the next frame (used by replay). No effect when load tracking is off.
@@ -368,7 +368,7 @@ impl FrameEngine {
     /// # Errors
     /// When the backend failed.
     pub fn warm_up(&mut self, frame: &mut SentFrame) -> Result<(), RunError> {
-        let sources = self.scene.stars.in_view(&self.planner.latest().motion.los)?;
+        let sources = self.scene.stars.in_view(&self.planner.latest().motion.los).map_err(RunError::Scene)?;
         let plan = self.planner.plan(sources);
         self.imager.image(plan, 0, &DetectorConditions::dark(plan.motion.los.exposure_s), &mut frame.image)?;
         // Clear residual charge: the warm-up frame must not affect frame 0.
@@ -429,7 +429,7 @@ impl FrameEngine {
     ///
     /// # Errors
     /// When the observer's orbit cannot be computed at that time.
-    pub fn observer_beta(&self, at: Tai) -> Result<DVec3, SceneError> {
+    pub fn observer_beta(&self, at: Tai) -> Result<DVec3, Refused> {
         Ok(self.scene.stars.observer().barycentric_state(at)?.velocity_km_s / SPEED_OF_LIGHT_KM_S)
     }
 

@@ -1,11 +1,9 @@
 //! Why a run could not start or go on.
 
-use base::time::Span;
+use base::{refused::Refused, time::Span};
 use frames::sink::SinkError;
-use image::{detector::pattern::PatternSizeError, render::RenderError};
+use image::detector::pattern::PatternSizeError;
 use link::LinkError;
-use scene::error::SceneError;
-use stars::layer::LayerError;
 use std::path::PathBuf;
 
 /// Any error at the other end of the cable.
@@ -22,7 +20,7 @@ pub enum RunError {
     FarEnd(FarEndError),
     /// the backend failed
     #[error("backend: {0}")]
-    Render(#[from] RenderError),
+    Render(#[from] Refused),
     /// a map of the detector has another size
     #[error("detector: {0}")]
     Patterns(#[from] PatternSizeError),
@@ -31,10 +29,10 @@ pub enum RunError {
     Sink(#[from] SinkError),
     /// the stars could not be read
     #[error("catalog: {0}")]
-    Stars(#[from] LayerError),
+    Stars(Refused),
     /// the scene of an exposure could not be found
     #[error(transparent)]
-    Scene(#[from] SceneError),
+    Scene(Refused),
     /// the jitter lines do not fit
     #[error("jitter lines: {0}")]
     Jitter(#[from] plan::attitude::HistoryReject),

@@ -1,11 +1,11 @@
 //! Backend and detector together: plan -> DN.
 
 use base::image::{DnImage, Image};
-use base::{clock::Stopwatch, region::Regions, time::Span};
+use base::{clock::Stopwatch, refused::Refused, region::Regions, time::Span};
 use frames::report::{Stage, StageTimes};
 use image::detector::{Detector, DetectorConditions, DetectorParams, PoissonMethod};
 use image::gpu::{AdapterChoice, Electrons, GpuDevice};
-use image::render::{Backend, RenderError};
+use image::render::Backend;
 use image::render::{cpu::Cpu, gpu::Gpu, gpu::brighter::Brighter, overlap::Apart, reference::Reference};
 use image::{detector::disturbances::Disturbances, detector::gpu::GpuDetector};
 use plan::exposure::{ExposurePlan, cost::CostModel};
@@ -100,12 +100,7 @@ impl Imager {
     ///
     /// # Errors
     /// When a GPU was requested and is unavailable, or it cannot use the detector's Poisson method.
-    pub fn new(
-        choice: BackendChoice,
-        params: DetectorParams,
-        size_px: [usize; 2],
-        seed: u64,
-    ) -> Result<Self, RenderError> {
+    pub fn new(choice: BackendChoice, params: DetectorParams, size_px: [usize; 2], seed: u64) -> Result<Self, Refused> {
         let [width, height] = size_px;
         Self::of_detector(choice, Detector::new(params, width, height, seed))
     }
@@ -114,7 +109,7 @@ impl Imager {
     ///
     /// # Errors
     /// When a GPU was requested and is unavailable, or it cannot use the detector's Poisson method.
-    pub fn of_detector(choice: BackendChoice, detector: Detector) -> Result<Self, RenderError> {
+    pub fn of_detector(choice: BackendChoice, detector: Detector) -> Result<Self, Refused> {
         let (params, size_px) = (*detector.params(), detector.size_px());
         let [width, height] = size_px;
         match choice {
@@ -154,7 +149,7 @@ impl Imager {
         Self { drawing, tables: 0, size_px, apart: None, is_apart: false, cost, note }
     }
 
-    fn on_device(gpu: Arc<GpuDevice>, detector: &Detector, size_px: [usize; 2]) -> Result<Self, RenderError> {
+    fn on_device(gpu: Arc<GpuDevice>, detector: &Detector, size_px: [usize; 2]) -> Result<Self, Refused> {
         let [width, height] = size_px;
         let cost = if gpu.is_software() { CostModel::SOFTWARE_GPU } else { CostModel::GPU };
         let detector = Box::new(GpuDetector::new(Arc::clone(&gpu), detector, width, height)?);
@@ -169,7 +164,7 @@ impl Imager {
     ///
     /// # Errors
     /// When the device cannot build it.
-    pub fn add_tables(&mut self) -> Result<(), RenderError> {
+    pub fn add_tables(&mut self) -> Result<(), Refused> {
         let [width, height] = self.size_px;
         match &mut self.drawing {
             Drawing::Host { backend, others, .. } => others.push(match backend.name() {
@@ -217,7 +212,7 @@ impl Imager {
     ///
     /// # Errors
     /// When the device has no memory for it.
-    pub fn keep_brighter(&mut self) -> Result<(), RenderError> {
+    pub fn keep_brighter(&mut self) -> Result<(), Refused> {
         self.apart = Some(Box::default());
         if let Drawing::Device { backend, brighter, .. } = &mut self.drawing {
             *brighter = Some(Box::new(Brighter::new(backend.device(), self.size_px)?));
@@ -276,7 +271,7 @@ impl Imager {
     ///
     /// # Errors
     /// When the device has no memory for it.
-    pub fn set_illumination_map(&mut self, map: Vec<f32>) -> Result<(), RenderError> {
+    pub fn set_illumination_map(&mut self, map: Vec<f32>) -> Result<(), Refused> {
         match &mut self.drawing {
             Drawing::Host { detector, .. } => detector.set_illumination_map(Some(map)),
             Drawing::Device { detector, .. } => detector.set_illumination_map(Some(&map))?,
@@ -312,7 +307,7 @@ impl Imager {
     ///
     /// # Errors
     /// When the device failed.
-    pub fn render(&mut self, plan: &ExposurePlan) -> Result<Electrons<'_>, RenderError> {
+    pub fn render(&mut self, plan: &ExposurePlan) -> Result<Electrons<'_>, Refused> {
         self.draw_only(&Regions::WHOLE);
         let apart = Self::apart_for(&mut self.apart, plan);
         match &mut self.drawing {
@@ -371,7 +366,7 @@ impl Imager {
         frame: u32,
         conditions: &DetectorConditions,
         out: &mut DnImage,
-    ) -> Result<ImagingTimes, RenderError> {
+    ) -> Result<ImagingTimes, Refused> {
         let mut watch = Stopwatch::start();
         self.draw_only(&conditions.regions);
         let render;
@@ -389,7 +384,12 @@ impl Imager {
                 match electrons {
                     Electrons::Host(mean) => detector.collect(mean, frame, conditions, out),
                     Electrons::Precise(mean) => detector.collect_precise(mean, frame, conditions, out),
-                    Electrons::Device(_) => return Err(RenderError::Device("a host backend drew on a device".into())),
+                    Electrons::Device(_) => {
+                        return Err(Refused(format!(
+                            "the GPU failed while drawing: {}",
+                            "a host backend drew on a device"
+                        )));
+                    }
                 }
             }
             Drawing::Device { backend, detector, brighter, .. } => {

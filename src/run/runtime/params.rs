@@ -1,16 +1,16 @@
 //! All parameters of a run, checked before it starts.
 
 use crate::runtime::imager::BackendChoice;
-use base::accuracy::AccuracyBudget;
 use base::axes::{Body, Rotation, Sensor};
 use base::time::{Span, Tai};
+use base::{accuracy::AccuracyBudget, refused::Refused};
 use image::detector::Seeds;
 use plan::attitude::{EstimateLimits, HistoryLimits, JitterLine, RecordedJitter, RemoteClockLimits};
 use plan::exposure::cost::CostModel;
 use plan::exposure::{Degradation, MethodChoice, Target};
 use scene::{SceneParams, camera::CameraParams, sky_targets::SkyTarget};
 use sky::{almanac::Almanac, observer::Observer};
-use stars::{Sky, layer::LayerError};
+use stars::Sky;
 use std::path::PathBuf;
 
 /// Policy for a frame that misses its deadline.
@@ -137,7 +137,7 @@ impl RunParams {
     ///
     /// # Errors
     /// When a layer cannot be read or is damaged, or the layers do not form one sky.
-    pub fn open_sky(&self) -> Result<Sky, LayerError> {
+    pub fn open_sky(&self) -> Result<Sky, Refused> {
         Sky::open(&self.layers, self.camera.limiting_mag, self.star_memory_mb)
     }
 

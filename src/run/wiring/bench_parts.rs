@@ -5,6 +5,7 @@ use crate::wiring::sensitivity::{Conditions, Sensitivity};
 use crate::{runtime::params::AttitudeParams, wiring::camera_parts::camera_params, wiring::seen_mag::bound_by_catalog};
 use anyhow::{Context, Result, bail};
 use base::axes::{Body, Icrf, Rotation, sensor_from_ra_dec_roll};
+use base::refused::Refused;
 use base::time::{Span, Tai};
 use config::{
     self, Bench, JitterAxes, JitterSource, Motion, OrbitSettings, OrbitStart, Overlap, Plant, SwingSettings,
@@ -18,7 +19,7 @@ use plan::exposure::{Target, TargetWay};
 use plan::{exposure::cost::CostModel, exposure::target::FIRST_TARGET_ID, optics::snr::electrons_for_snr};
 use scene::{camera::CameraParams, sky_targets::SkyTarget};
 use sky::orbit::{CircularOrbit, EARTH_GM_KM3_S2, TleOrbit, TwoBodyOrbit};
-use sky::{ObserverError, observer::Observer, target::Orbit};
+use sky::{observer::Observer, target::Orbit};
 use std::sync::Arc;
 use testbed::flight_computer::{
     Faults, FlightComputerParams, JitterLineParams, JitterStream, Profile, RampShape, Slew, SlewProfile, SteadyMotion,
@@ -131,7 +132,7 @@ fn on_sky(bench: &Bench, camera: &CameraParams, first_exposure: Tai) -> Result<V
     Ok(found)
 }
 
-fn orbit_of(settings: &OrbitSettings, first_exposure: Tai) -> Result<Orbit, ObserverError> {
+fn orbit_of(settings: &OrbitSettings, first_exposure: Tai) -> Result<Orbit, Refused> {
     Ok(match settings {
         OrbitSettings::Mean { text, norad_id, max_age_days } => {
             Orbit::Sgp4(Box::new(TleOrbit::read(text, *norad_id, first_exposure)?.within_days(*max_age_days)))

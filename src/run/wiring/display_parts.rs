@@ -27,6 +27,7 @@
 
 use crate::{runtime::params::RunParams, wiring::sink_setting::SinkSetting};
 use anyhow::{Context, Result, bail};
+use base::refused::Refused;
 use base::time::{Span, Tai};
 use config::{Bench, DisplaySettings, Sink, SinkSettings};
 use image::detector::{DetectorParams, Nonlinearity, Patterns};
@@ -79,7 +80,7 @@ pub fn calibration(settings: &DisplaySettings, tracker: &TrackerIdentity, now: T
         let name = settings.name.clone().unwrap_or_else(|| calibration.display.name.clone());
         let bits = settings.params.bits.count();
         calibration.admit(&DisplayIdentity { name, width_px, height_px, bits }, Some(tracker), now)?;
-        Ok::<_, outputs::display::calibration::CalibrationError>(calibration)
+        Ok::<_, Refused>(calibration)
     };
     read().with_context(|| format!("calibration {}", path.display()))
 }

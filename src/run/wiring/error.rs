@@ -1,8 +1,8 @@
 //! Why a run cannot be assembled or go on.
 
 use crate::runtime::RunError;
+use base::refused::Refused;
 use config::ConfigError;
-use testbed::vehicle::VehicleError;
 
 /// Why a run cannot be assembled or go on.
 #[derive(Debug, thiserror::Error)]
@@ -15,7 +15,7 @@ pub enum LoopError {
     Parts(#[from] anyhow::Error),
     /// the vehicle cannot be made
     #[error("vehicle: {0}")]
-    Vehicle(#[from] VehicleError),
+    Vehicle(#[from] Refused),
     /// a spacecraft is needed
     #[error("got a run without a spacecraft; wanted one that names a spacecraft file: spacecraft = \"FILE\"")]
     NothingFlown,

@@ -9,6 +9,7 @@ use crate::wiring::{
     witness::Witness,
 };
 use base::axes::{Body, Rotation, Sensor};
+use base::refused::Refused;
 use base::time::{Span, Tai};
 use config::{Action, Event, Plant, Scenario};
 use frames::sink::{FrameMeta, TapEnd};
@@ -16,7 +17,7 @@ use frames::{camera_control::CameraDesk, sink::tap::TappedFrame};
 use link::{Port, tap::Arrival};
 use testbed::flight_computer::{FlightComputer, FlightError};
 use testbed::tracker::Exposed;
-use testbed::vehicle::{TelemetryRow, Vehicle, VehicleError, VehicleFault};
+use testbed::vehicle::{TelemetryRow, Vehicle, VehicleFault};
 
 /// A fault aboard that has started, with its kind's number of hits at its start and end.
 struct Watched {
@@ -56,7 +57,7 @@ impl FarSide {
         port: Option<Port>,
         (taps, desks): (Vec<TapEnd>, Vec<CameraDesk>),
         (times, mountings): (RunTimes, Vec<Rotation<Sensor, Body>>),
-    ) -> Result<Self, VehicleError> {
+    ) -> Result<Self, Refused> {
         let RunTimes { start, zero, end } = times;
         let mut params = bench_parts::flight_computer_of(&scenario.plant, &scenario.bench, start, zero);
         let computer = match &scenario.plant {

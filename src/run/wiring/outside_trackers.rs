@@ -2,19 +2,18 @@
 
 use crate::wiring::vehicle_parts::{camera_orders, tracker_params};
 use crate::{runtime::OutsideTracker, wiring::error::LoopError};
-use base::time::Tai;
+use base::{refused::Refused, time::Tai};
 use config::{OutsideTrackers, Scenario};
 use stars::catalog::Catalog;
 use std::sync::Arc;
 use testbed::tracker::{GuideStars, TrackerParams};
-use testbed::vehicle::VehicleError;
 
 /// Returns the tracker of each head, if the scenario has any; equal trackers share one list of guide stars.
 pub(super) fn outside_trackers(scenario: &Scenario, start: Tai) -> Result<Vec<Option<OutsideTracker>>, LoopError> {
     let Some(OutsideTrackers { delay, tag_error, most_stars, commands }) = scenario.trackers else {
         return Ok(Vec::new());
     };
-    let catalog = Catalog::built_in().map_err(VehicleError::from)?;
+    let catalog = Catalog::built_in().map_err(|why| Refused(format!("catalog: {why}")))?;
     let mut guides: Vec<(TrackerParams, Arc<GuideStars>)> = Vec::new();
     let mut trackers = Vec::with_capacity(scenario.bench.head_count());
     for number in 0..scenario.bench.head_count() {
@@ -24,7 +23,7 @@ pub(super) fn outside_trackers(scenario: &Scenario, start: Tai) -> Result<Vec<Op
         let guide = match known {
             Some(guide) => guide,
             None => {
-                let guide = Arc::new(GuideStars::new(&catalog, &params, start).map_err(VehicleError::from)?);
+                let guide = Arc::new(GuideStars::new(&catalog, &params, start)?);
                 guides.push((params, Arc::clone(&guide)));
                 guide
             }

@@ -6,9 +6,9 @@
 //! do not count. No fainter star is drawn than the catalog has, nor more than fit into memory.
 
 use crate::wiring::sensitivity::{Conditions, Sensitivity};
+use base::refused::Refused;
 use config::Bench;
 use scene::camera::CameraParams;
-use stars::layer::LayerError;
 use stars::{FieldMemory, Sky};
 
 /// SNR of the faintest star that counts as seen.
@@ -43,7 +43,7 @@ pub(crate) fn auto_limiting_mag(camera: &CameraParams) -> f64 {
 ///
 /// # Errors
 /// When a layer cannot be read or is damaged, or the layers do not make one sky.
-pub(crate) fn bound_by_catalog(camera: &mut CameraParams, bench: &Bench) -> Result<(), LayerError> {
+pub(crate) fn bound_by_catalog(camera: &mut CameraParams, bench: &Bench) -> Result<(), Refused> {
     if bench.camera.radiometry.limiting_mag.is_some() {
         return Ok(());
     }

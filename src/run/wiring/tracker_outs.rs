@@ -9,8 +9,8 @@ use crate::runtime::tracker_out::{
 };
 use crate::wiring::vehicle_parts::{exposed_light, tracker_params};
 use crate::wiring::{error::LoopError, heads::RunHead, run_clock::RunClock, run_times::RunTimes};
-use base::clock::Clock;
 use base::time::{Span, Tai};
+use base::{clock::Clock, refused::Refused};
 use config::{Scenario, TrackerLine, TrackerOut, TrackerOutFault, TrackerOutFaultKind, TrackerProtocol, TrackerSource};
 use frames::camera_control::{CameraDesk, desk};
 use frames::sink::NullSink;
@@ -25,7 +25,6 @@ use telemetry::{
 };
 use testbed::tracker::{GuideStars, StarNoise, Tracker, TrackerParams};
 use testbed::tracker_model::{NoiseMethod, TrackerModel};
-use testbed::vehicle::VehicleError;
 
 /// Streams of the seed: one for each tracker of a bench.
 const TRACKER_SEED: u64 = 0x7374_0000;
@@ -155,8 +154,8 @@ impl Guides {
         if let Some((_, guide)) = self.made.iter().find(|(known, _)| known == params) {
             return Ok(Arc::clone(guide));
         }
-        let catalog = Catalog::built_in().map_err(VehicleError::from)?;
-        let guide = Arc::new(GuideStars::new(&catalog, params, start).map_err(VehicleError::from)?);
+        let catalog = Catalog::built_in().map_err(|why| Refused(format!("catalog: {why}")))?;
+        let guide = Arc::new(GuideStars::new(&catalog, params, start)?);
         self.made.push((*params, Arc::clone(&guide)));
         Ok(guide)
     }

@@ -4,9 +4,9 @@
 
 use super::aberration::Aberration;
 use super::deflection::{Deflection, MOST_RAD};
-use crate::{ObserverError, observer::ObserverTrack, state::BarycentricState};
-use base::time::Tai;
+use crate::{observer::ObserverTrack, state::BarycentricState};
 use base::units::{AU_KM, MAS, SPEED_OF_LIGHT_KM_S};
+use base::{refused::Refused, time::Tai};
 use glam::DVec3;
 
 /// Parallax of the nearest star, Proxima Centauri, rad (768.07 mas, Gaia DR3), rounded up.
@@ -66,7 +66,7 @@ impl Vantage {
     ///
     /// # Errors
     /// When the observer's orbit cannot be computed at that time.
-    pub fn of(track: &ObserverTrack, at: Tai, light_deflection: bool) -> Result<Self, ObserverError> {
+    pub fn of(track: &ObserverTrack, at: Tai, light_deflection: bool) -> Result<Self, Refused> {
         let observer = track.barycentric_state(at)?;
         let bends = light_deflection && !track.is_barycentre();
         let heliocentric_km = bends.then(|| observer.position_km - track.sun_state(at).position_km);

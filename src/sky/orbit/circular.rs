@@ -3,8 +3,8 @@
 //! Axes: equator and equinox J2000, taken as ICRF (25 mas). Limits: no oblateness, so the node does not regress (up to
 //! 8 degrees per day in low orbit) and no drag: a stand-in for an orbit's geometry, not for a given spacecraft.
 
-use crate::{ObserverError, orbit::EARTH_GM_KM3_S2, state::BarycentricState};
-use base::{time::Tai, units::DEG};
+use crate::{orbit::EARTH_GM_KM3_S2, state::BarycentricState};
+use base::{refused::Refused, time::Tai, units::DEG};
 use core::f64::consts::TAU;
 use glam::DVec3;
 
@@ -37,7 +37,7 @@ impl CircularOrbit {
         raan_deg: f64,
         latitude_argument_deg: f64,
         epoch: Tai,
-    ) -> Result<Self, ObserverError> {
+    ) -> Result<Self, Refused> {
         check("altitude_km", "100..400000", altitude_km, 100.0, HIGHEST_ALTITUDE_KM)?;
         check("inclination_deg", "0..180", inclination_deg, 0.0, 180.0)?;
         check("raan_deg", "-360..360", raan_deg, -360.0, 360.0)?;
@@ -73,8 +73,12 @@ impl CircularOrbit {
     }
 }
 
-fn check(parameter: &'static str, wanted: &'static str, got: f64, low: f64, high: f64) -> Result<(), ObserverError> {
-    if (low..=high).contains(&got) { Ok(()) } else { Err(ObserverError::CircularOrbit { parameter, wanted, got }) }
+fn check(parameter: &'static str, wanted: &'static str, got: f64, low: f64, high: f64) -> Result<(), Refused> {
+    if (low..=high).contains(&got) {
+        Ok(())
+    } else {
+        Err(Refused(format!("circular orbit: {parameter} wanted {wanted}, got {got}")))
+    }
 }
 
 #[cfg(test)]

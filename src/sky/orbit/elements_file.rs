@@ -1,9 +1,11 @@
 //! A text of mean elements in any form -> the set of one object that is nearest in time.
 
 use super::{TleOrbit, omm};
-use super::{omm_forms::form_of, tle::is_line};
-use crate::ObserverError;
-use base::time::Tai;
+use super::{
+    omm_forms::form_of,
+    tle::{is_line, no_such_object},
+};
+use base::{refused::Refused, time::Tai};
 
 /// Mark of UTF-8, with which some programs begin a file.
 const BYTE_ORDER_MARK: char = '\u{feff}';
@@ -23,7 +25,7 @@ impl TleOrbit {
     /// # Errors
     /// When the text has no such object, or several and none is asked for, or other lines than pairs and their titles;
     /// or when a set of the object is damaged or no orbit that SGP4 follows, with its place.
-    pub fn read(text: &str, norad_id: Option<u64>, near: Tai) -> Result<Self, ObserverError> {
+    pub fn read(text: &str, norad_id: Option<u64>, near: Tai) -> Result<Self, Refused> {
         let text = text.trim_start_matches(BYTE_ORDER_MARK);
         let sets = match form_of(text) {
             Some(form) => omm::sets(text, form, norad_id)?,
@@ -31,6 +33,6 @@ impl TleOrbit {
         };
         let days = |set: &Self| set.days_from_epoch(near).abs();
         let nearest = sets.into_iter().min_by(|a, b| days(a).total_cmp(&days(b)));
-        nearest.ok_or(ObserverError::NoSuchObject { norad_id, objects: 0 })
+        nearest.ok_or_else(|| no_such_object(norad_id, 0))
     }
 }

@@ -7,7 +7,7 @@
 
 use super::TleOrbit;
 use super::omm_forms::{Form, Message, messages};
-use crate::ObserverError;
+use base::refused::Refused;
 use sgp4::chrono::NaiveDateTime;
 
 /// Words that are known, where the message has the key.
@@ -31,7 +31,7 @@ const NUMBERS: [(&str, &str, f64, f64); 7] = [
 const EPOCHS: [&str; 2] = ["%Y-%m-%dT%H:%M:%S%.f", "%Y-%jT%H:%M:%S%.f"];
 
 /// Returns every set of the object with `norad_id`, or of the only object.
-pub(super) fn sets(text: &str, form: Form, norad_id: Option<u64>) -> Result<Vec<TleOrbit>, ObserverError> {
+pub(super) fn sets(text: &str, form: Form, norad_id: Option<u64>) -> Result<Vec<TleOrbit>, Refused> {
     let all = messages(text, form)?;
     let count = all.len();
     let numbers = all.iter().map(number_of).collect::<Result<Vec<_>, _>>()?;
@@ -51,27 +51,27 @@ pub(super) fn sets(text: &str, form: Form, norad_id: Option<u64>) -> Result<Vec<
     }
 }
 
-fn refuse(why: String) -> ObserverError {
-    ObserverError::Omm { why }
+fn refuse(why: String) -> Refused {
+    Refused(format!("orbit mean-elements message: {why}"))
 }
 
 impl Message {
     /// Returns the error of a key.
-    fn refuse(&self, key: &str, wanted: &str) -> ObserverError {
+    fn refuse(&self, key: &str, wanted: &str) -> Refused {
         let got = self.get(key).map_or_else(|| "nothing".to_owned(), |got| format!("\"{}\"", got.value));
         let place = self.line.map_or_else(String::new, |line| format!("line {line}: "));
         refuse(format!("{place}{key}: wanted {wanted}, got {got}"))
     }
 
     /// Returns a whole number, or `None` where the message lacks the key.
-    fn whole(&self, key: &str, most: u64) -> Result<Option<u64>, ObserverError> {
+    fn whole(&self, key: &str, most: u64) -> Result<Option<u64>, Refused> {
         let Some(got) = self.get(key) else { return Ok(None) };
         let number = got.value.parse().ok().filter(|number| *number <= most);
         number.map(Some).ok_or_else(|| self.refuse(key, &format!("a number from 0 to {most}")))
     }
 
     /// Returns a number of the table.
-    fn number(&self, (key, unit, least, most): (&str, &str, f64, f64)) -> Result<f64, ObserverError> {
+    fn number(&self, (key, unit, least, most): (&str, &str, f64, f64)) -> Result<f64, Refused> {
         let stated = self.get(key);
         if let Some(got) =
             stated.and_then(|stated| stated.unit.as_deref()).filter(|got| !got.eq_ignore_ascii_case(unit))
@@ -83,7 +83,7 @@ impl Message {
         number.filter(is_in).ok_or_else(|| self.refuse(key, &format!("a number from {least} to {most}")))
     }
 
-    fn epoch(&self) -> Result<NaiveDateTime, ObserverError> {
+    fn epoch(&self) -> Result<NaiveDateTime, Refused> {
         let text = self.get("EPOCH").map_or("", |epoch| epoch.value.as_str());
         let text = text.strip_suffix('Z').unwrap_or(text);
         let read = EPOCHS.iter().find_map(|form| NaiveDateTime::parse_from_str(text, form).ok());
@@ -94,7 +94,7 @@ impl Message {
     }
 
     /// Refuses another theory than SGP4 about the Earth, and two values of one key.
-    fn check_theory(&self) -> Result<(), ObserverError> {
+    fn check_theory(&self) -> Result<(), Refused> {
         let is_read = |key: &str| {
             ["EPOCH", "NORAD_CAT_ID", "EPHEMERIS_TYPE"].contains(&key)
                 || THEORY.iter().any(|(known, _)| *known == key)
@@ -120,11 +120,11 @@ impl Message {
 }
 
 /// Returns the catalog number of an object, where it has one.
-fn number_of(message: &Message) -> Result<Option<u64>, ObserverError> {
+fn number_of(message: &Message) -> Result<Option<u64>, Refused> {
     message.whole("NORAD_CAT_ID", u64::MAX)
 }
 
-fn orbit_of(message: &Message, norad_id: Option<u64>) -> Result<TleOrbit, ObserverError> {
+fn orbit_of(message: &Message, norad_id: Option<u64>) -> Result<TleOrbit, Refused> {
     message.check_theory()?;
     let mut numbers = [0.0; NUMBERS.len()];
     for (number, range) in numbers.iter_mut().zip(NUMBERS) {
@@ -170,7 +170,7 @@ mod tests {
  "MEAN_MOTION_DOT": -0.00002182, "MEAN_MOTION_DDOT": 0}"#;
 
     /// Reads the set nearest to the elements' own day.
-    fn read(text: &str, norad_id: Option<u64>) -> Result<TleOrbit, ObserverError> {
+    fn read(text: &str, norad_id: Option<u64>) -> Result<TleOrbit, Refused> {
         TleOrbit::read(text, norad_id, Tai::from_rfc3339("2008-09-20T12:00:00Z").unwrap())
     }
 

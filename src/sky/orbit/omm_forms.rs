@@ -3,7 +3,7 @@
 //! KVN and XML are the forms of CCSDS 502.0-B and 505.0-B, JSON and CSV those of catalogs on the net, with the same
 //! keys. Units are kept where a file states them, and compared by the reader of values. Tests: [`super::omm`].
 
-use crate::ObserverError;
+use base::refused::Refused;
 use serde_json::Value;
 use std::collections::BTreeMap;
 
@@ -72,7 +72,7 @@ pub(super) fn form_of(text: &str) -> Option<Form> {
 }
 
 /// Reads every message of a text.
-pub(super) fn messages(text: &str, form: Form) -> Result<Vec<Message>, ObserverError> {
+pub(super) fn messages(text: &str, form: Form) -> Result<Vec<Message>, Refused> {
     let messages = match form {
         Form::Json => of_json(text)?,
         Form::Kvn => of_kvn(text),
@@ -81,16 +81,18 @@ pub(super) fn messages(text: &str, form: Form) -> Result<Vec<Message>, ObserverE
     };
     if messages.len() > MOST_OBJECTS {
         let why = format!("wanted at most {MOST_OBJECTS} objects, got {}", messages.len());
-        return Err(ObserverError::Omm { why });
+        return Err(Refused(format!("orbit mean-elements message: {why}")));
     }
     Ok(messages)
 }
 
-fn of_json(text: &str) -> Result<Vec<Message>, ObserverError> {
-    let whole: Value = serde_json::from_str(text).map_err(|error| ObserverError::OmmText {
-        line: error.line(),
-        column: error.column(),
-        why: error.to_string(),
+fn of_json(text: &str) -> Result<Vec<Message>, Refused> {
+    let whole: Value = serde_json::from_str(text).map_err(|error| {
+        Refused(format!(
+            "orbit mean-elements message, line {line}, column {column}: {error}",
+            line = error.line(),
+            column = error.column()
+        ))
     })?;
     let objects = if let Value::Array(objects) = whole { objects } else { vec![whole] };
     let message = |object: Value| {
@@ -125,10 +127,14 @@ fn of_kvn(text: &str) -> Vec<Message> {
     messages
 }
 
-fn of_xml(text: &str) -> Result<Vec<Message>, ObserverError> {
+fn of_xml(text: &str) -> Result<Vec<Message>, Refused> {
     let document = roxmltree::Document::parse(text).map_err(|error| {
         let place = error.pos();
-        ObserverError::OmmText { line: place.row as usize, column: place.col as usize, why: error.to_string() }
+        Refused(format!(
+            "orbit mean-elements message, line {line}, column {column}: {error}",
+            line = place.row as usize,
+            column = place.col as usize
+        ))
     })?;
     let found = document.descendants().filter(|node| node.tag_name().name() == "omm");
     let message = |node: roxmltree::Node<'_, '_>| {
@@ -143,7 +149,7 @@ fn of_xml(text: &str) -> Result<Vec<Message>, ObserverError> {
     Ok(found.map(message).collect())
 }
 
-fn of_csv(text: &str) -> Result<Vec<Message>, ObserverError> {
+fn of_csv(text: &str) -> Result<Vec<Message>, Refused> {
     let mut lines = (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'));
     let (_, header) = lines.next().unwrap_or_default();
     let keys: Vec<&str> = header.split(',').map(without_quotes).collect();
@@ -152,7 +158,10 @@ fn of_csv(text: &str) -> Result<Vec<Message>, ObserverError> {
         let cells: Vec<&str> = line.split(',').map(without_quotes).collect();
         if cells.len() != keys.len() {
             let why = format!("wanted {} cells as in the header, got {}", keys.len(), cells.len());
-            return Err(ObserverError::OmmText { line: number, column: 1, why });
+            return Err(Refused(format!(
+                "orbit mean-elements message, line {number}, column {column}: {why}",
+                column = 1
+            )));
         }
         let mut message = Message { line: Some(number), ..Message::default() };
         keys.iter().zip(cells).for_each(|(key, cell)| message.put(key, cell, None));

@@ -6,8 +6,8 @@
 //! grows by km per day in low orbit: 1 m/s is 0.7 mas of aberration.
 
 use super::{CentralBody, precession::icrf_from_teme};
-use crate::{ObserverError, state::BarycentricState};
-use base::{time::Tai, units::DAY_S};
+use crate::state::BarycentricState;
+use base::{refused::Refused, time::Tai, units::DAY_S};
 use core::{f64::consts::TAU, ops::RangeInclusive};
 use glam::DVec3;
 use sgp4::chrono::Datelike;
@@ -69,7 +69,7 @@ impl TleOrbit {
     /// # Errors
     /// When a line is missing, has a wrong length, first character or checksum, or a field is not a number: the error
     /// names line, columns and field; or when SGP4 refuses the elements.
-    pub fn parse(text: &str) -> Result<Self, ObserverError> {
+    pub fn parse(text: &str) -> Result<Self, Refused> {
         let mut lines = text.lines().map(str::trim_end).filter(|line| !line.is_empty()).rev();
         let (second, first) = (lines.next().unwrap_or(""), lines.next().unwrap_or(""));
         check_line(1, first)?;
@@ -83,7 +83,7 @@ impl TleOrbit {
 
     /// Returns every set of the object with `norad_id`, or of the only object, of a file of pairs of lines, with or
     /// without a title before each pair.
-    pub(super) fn sets_of_lines(text: &str, norad_id: Option<u64>) -> Result<Vec<Self>, ObserverError> {
+    pub(super) fn sets_of_lines(text: &str, norad_id: Option<u64>) -> Result<Vec<Self>, Refused> {
         let lines = || (1..).zip(text.lines().map(str::trim_end)).filter(|(_, line)| !line.is_empty());
         let is_pair = |first: &str, second: &str| is_line('1', first) && is_line('2', second);
         let pairs: Vec<_> = lines().zip(lines().skip(1)).filter(|((_, a), (_, b))| is_pair(a, b)).collect();
@@ -91,7 +91,10 @@ impl TleOrbit {
         let objects: BTreeSet<_> = pairs.iter().map(|((_, first), _)| number(first)).collect();
         if norad_id.is_none() {
             if objects.len() > 1 {
-                return Err(ObserverError::WhichObject { objects: objects.len() });
+                return Err(Refused(format!(
+                    "two-line elements: got {objects} objects, wanted one, or the norad_id of one of them",
+                    objects = objects.len()
+                )));
             }
             check_alone(&lines().collect::<Vec<_>>())?;
         }
@@ -99,19 +102,19 @@ impl TleOrbit {
         let found = pairs.iter().filter(|((_, first), _)| is_it(first));
         let found = found.map(|((_, first), (_, second))| Self::parse(&format!("{first}\n{second}")));
         let found = found.collect::<Result<Vec<_>, _>>()?;
-        if found.is_empty() { Err(ObserverError::NoSuchObject { norad_id, objects: objects.len() }) } else { Ok(found) }
+        if found.is_empty() { Err(no_such_object(norad_id, objects.len())) } else { Ok(found) }
     }
 
-    fn from_checked_lines(first: &str, second: &str) -> Result<Self, ObserverError> {
+    fn from_checked_lines(first: &str, second: &str) -> Result<Self, Refused> {
         let elements = sgp4::Elements::from_tle(None, first.as_bytes(), second.as_bytes())
-            .map_err(|e| ObserverError::TleLine { line: 1, why: e.to_string() })?;
+            .map_err(|e| Refused(format!("two-line elements, line {line}: {e}", line = 1)))?;
         Self::from_elements(&elements)
     }
 
     /// Returns an orbit of elements that were read already.
-    pub(super) fn from_elements(elements: &sgp4::Elements) -> Result<Self, ObserverError> {
+    pub(super) fn from_elements(elements: &sgp4::Elements) -> Result<Self, Refused> {
         let norad_id = elements.norad_id;
-        let refuse = |why: String| ObserverError::Elements { norad_id, why };
+        let refuse = |why: String| Refused(format!("two-line elements of object {norad_id}: {why}"));
         if ![0, 2].contains(&elements.ephemeris_type) {
             let got = elements.ephemeris_type;
             return Err(refuse(format!(
@@ -170,9 +173,13 @@ impl TleOrbit {
     ///
     /// # Errors
     /// When SGP4 cannot follow the elements that far.
-    pub fn geocentric_state(&self, at: Tai) -> Result<BarycentricState, ObserverError> {
+    pub fn geocentric_state(&self, at: Tai) -> Result<BarycentricState, Refused> {
         let days_from_epoch = self.days_from_epoch(at);
-        let refuse = |why: String| ObserverError::Propagation { at, days_from_epoch, why };
+        let refuse = |why: String| {
+            Refused(format!(
+                "SGP4 has no position at {at} ({days_from_epoch:.1} days from the elements' epoch): {why}; try newer elements"
+            ))
+        };
         if days_from_epoch.abs() > self.most_days {
             return Err(refuse(format!(
                 "wanted a time within {} days of their epoch, since the error grows by {KM_PER_DAY} km and more a day; \
@@ -242,8 +249,14 @@ pub(super) fn is_line(number: char, line: &str) -> bool {
     line.strip_prefix(number).is_some_and(|rest| rest.starts_with(char::is_whitespace))
 }
 
+/// Returns that no set is of the object that is wanted.
+pub(super) fn no_such_object(norad_id: Option<u64>, objects: usize) -> Refused {
+    let wanted = norad_id.map_or_else(|| "an object".into(), |id| format!("the object with number {id}"));
+    Refused(format!("two-line elements: wanted {wanted}, got none among {objects}"))
+}
+
 /// Checks that a file has no other lines than pairs with a title before each at most.
-fn check_alone(lines: &[(usize, &str)]) -> Result<(), ObserverError> {
+fn check_alone(lines: &[(usize, &str)]) -> Result<(), Refused> {
     let mut rest = lines;
     while let [(_, title), after @ ..] = rest {
         let pair = if is_line('1', title) { rest } else { after };
@@ -252,7 +265,11 @@ fn check_alone(lines: &[(usize, &str)]) -> Result<(), ObserverError> {
             wanted.filter(|(place, number)| !pair.get(*place).is_some_and(|(_, line)| is_line(*number, line)));
         if let Some((place, _)) = wrong.next() {
             let (line, got) = pair.get(place).or(lines.last()).copied().unwrap_or_default();
-            return Err(ObserverError::TleOther { line, got: got.chars().take(LINE_LENGTH).collect() });
+            return Err(Refused(format!(
+                "two-line elements, line {line} of the file: wanted pairs of lines of one object with at most a title before each, got \"{got}\" besides; \
+         give the norad_id of the one that is wanted",
+                got = got.chars().take(LINE_LENGTH).collect::<String>()
+            )));
         }
         rest = &pair[2..];
     }
@@ -277,8 +294,8 @@ fn filled(number: usize, line: &str) -> String {
     text
 }
 
-fn check_line(line: usize, text: &str) -> Result<(), ObserverError> {
-    let refuse = |why: String| Err(ObserverError::TleLine { line, why });
+fn check_line(line: usize, text: &str) -> Result<(), Refused> {
+    let refuse = |why: String| Err(Refused(format!("two-line elements, line {line}: {why}")));
     if !text.is_ascii() || text.len() != LINE_LENGTH {
         let foreign = text.chars().find(|c| !c.is_ascii()).map_or_else(String::new, |c| format!(" with {c:?}"));
         let length = text.chars().count();
@@ -300,13 +317,15 @@ fn checksum(text: &str) -> u32 {
     text.chars().take(LINE_LENGTH - 1).map(value).sum::<u32>() % 10
 }
 
-fn check_field(text: &str, field: (usize, usize, usize, &'static str)) -> Result<(), ObserverError> {
+fn check_field(text: &str, field: (usize, usize, usize, &'static str)) -> Result<(), Refused> {
     let (line, first, last, name) = field;
     let got = &text[first - 1..last];
     if got.trim().parse::<f64>().is_ok_and(f64::is_finite) {
         return Ok(());
     }
-    Err(ObserverError::TleField { line, first, last, field: name, got: got.into() })
+    Err(Refused(format!(
+        "two-line elements, line {line}, columns {first}-{last} ({name}): wanted a number, got \"{got}\""
+    )))
 }
 
 #[cfg(test)]
@@ -323,7 +342,7 @@ mod tests {
     }
 
     /// Reads the set nearest to the epoch of object 5.
-    fn read(text: &str, norad_id: Option<u64>) -> Result<TleOrbit, ObserverError> {
+    fn read(text: &str, norad_id: Option<u64>) -> Result<TleOrbit, Refused> {
         TleOrbit::read(text, norad_id, Tai::from_rfc3339("2000-06-27T18:50:19Z").expect("a valid instant"))
     }
 

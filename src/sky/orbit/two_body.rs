@@ -23,8 +23,8 @@
 //!
 //! So give a state near the time it is used at. Tests: below, against 40-digit arithmetic and a published case.
 
-use crate::{ObserverError, state::BarycentricState};
-use base::time::Tai;
+use crate::state::BarycentricState;
+use base::{refused::Refused, time::Tai};
 use core::f64::consts::TAU;
 use glam::DVec3;
 
@@ -74,12 +74,7 @@ impl TwoBodyOrbit {
     ///
     /// # Errors
     /// When a number is not finite or out of range, or the orbit falls straight at the centre.
-    pub fn from_state(
-        epoch: Tai,
-        position_km: DVec3,
-        velocity_km_s: DVec3,
-        gm_km3_s2: f64,
-    ) -> Result<Self, ObserverError> {
+    pub fn from_state(epoch: Tai, position_km: DVec3, velocity_km_s: DVec3, gm_km3_s2: f64) -> Result<Self, Refused> {
         check("gm_km3_s2", "1e-9..1e15", gm_km3_s2, 1e-9, 1e15)?;
         let (r, v) = (position_km.length(), velocity_km_s.length());
         check("distance of position_km", "0.01..1e11", r, DISTANCE_KM[0], DISTANCE_KM[1])?;
@@ -96,7 +91,7 @@ impl TwoBodyOrbit {
     /// # Errors
     /// When a number is not finite or out of range, or axis and eccentricity do not go together (a parabola has no
     /// axis: give a state).
-    pub fn from_elements(epoch: Tai, elements: &KeplerElements, gm_km3_s2: f64) -> Result<Self, ObserverError> {
+    pub fn from_elements(epoch: Tai, elements: &KeplerElements, gm_km3_s2: f64) -> Result<Self, Refused> {
         let (a, e) = (elements.semi_major_axis_km, elements.eccentricity);
         check("gm_km3_s2", "1e-9..1e15", gm_km3_s2, 1e-9, 1e15)?;
         check("eccentricity", "0 or more", e, 0.0, 1e6)?;
@@ -244,8 +239,12 @@ fn series(z: f64, n: f64) -> f64 {
     (1..=10).rev().fold(1.0, term)
 }
 
-fn check(parameter: &'static str, wanted: &'static str, got: f64, low: f64, high: f64) -> Result<(), ObserverError> {
-    if (low..=high).contains(&got) { Ok(()) } else { Err(ObserverError::TwoBody { parameter, wanted, got }) }
+fn check(parameter: &'static str, wanted: &'static str, got: f64, low: f64, high: f64) -> Result<(), Refused> {
+    if (low..=high).contains(&got) {
+        Ok(())
+    } else {
+        Err(Refused(format!("two-body orbit: {parameter} wanted {wanted}, got {got}")))
+    }
 }
 
 #[cfg(test)]

@@ -11,9 +11,9 @@
 //! mas, left out. Tests: below against a fixed point of its own; `hil_scripts/test_targets.py` against another program.
 
 use crate::orbit::{CentralBody, CircularOrbit, TleOrbit, TwoBodyOrbit};
-use crate::{ObserverError, followed::check_state, state::BarycentricState};
+use crate::{followed::check_state, state::BarycentricState};
 use base::time::{Span, Tai};
-use base::units::SPEED_OF_LIGHT_KM_S;
+use base::{refused::Refused, units::SPEED_OF_LIGHT_KM_S};
 use glam::DVec3;
 
 /// How a target flies about the Earth.
@@ -32,7 +32,7 @@ impl Orbit {
     ///
     /// # Errors
     /// When SGP4 cannot follow the elements to `at`.
-    pub fn geocentric_state(&self, at: Tai) -> Result<BarycentricState, ObserverError> {
+    pub fn geocentric_state(&self, at: Tai) -> Result<BarycentricState, Refused> {
         match self {
             Self::Sgp4(orbit) => orbit.geocentric_state(at),
             Self::Circular(orbit) => Ok(orbit.geocentric_state(at)),
@@ -44,7 +44,7 @@ impl Orbit {
     ///
     /// # Errors
     /// As for [`Self::geocentric_state`], and when it is below the ground or faster than anything about the Earth.
-    pub fn check_at(&self, at: Tai) -> Result<(), ObserverError> {
+    pub fn check_at(&self, at: Tai) -> Result<(), Refused> {
         check_state(CentralBody::Earth, at, self.geocentric_state(at)?)
     }
 }
@@ -72,7 +72,7 @@ impl Sighting {
         observer: &BarycentricState,
         earth_velocity_km_s: DVec3,
         at: Tai,
-    ) -> Result<Self, ObserverError> {
+    ) -> Result<Self, Refused> {
         let seconds = |km: DVec3| km.length() / SPEED_OF_LIGHT_KM_S;
         let first_s = seconds(orbit.geocentric_state(at)?.position_km - observer.position_km);
         let then = orbit.geocentric_state(at - Span::from_s(first_s))?;

@@ -15,7 +15,6 @@ mod layout;
 mod open;
 mod pack;
 
-pub use error::CatalogError;
 pub use layout::BANDS;
 pub use open::Catalog;
 pub use pack::{PackReport, pack};

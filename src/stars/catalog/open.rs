@@ -1,14 +1,14 @@
 //! Packed bytes -> [`Catalog`], decoded and checked once.
 
-use super::error::CatalogError;
 use super::layout::{
     DEC_STEP_RAD, HEADER_BYTES, Header, MAGIC, MOST_BYTES, NO_PROPER_MOTION, NUMBER_BYTES, PARALLAX_BYTES,
     PARALLAX_STEP_MAS, PM_STEP_MAS_YR, RA_STEP_RAD, RECORD_BYTES, StarRecord, TILE_ORDER, TILES, VERSION, file_crc32,
 };
+use crate::catalog::error;
 use crate::steps::{MAG_STEP, NO_PARALLAX, mag_of, source, u32_at};
 use crate::{StarIndex, cover::chord_squared, numbering::Numbering};
 use base::source::{CatalogSource, direction_from_ra_dec};
-use base::{input_file::read_bytes, source_id::SourceId};
+use base::{input_file::read_bytes, refused::Refused, source_id::SourceId};
 use glam::DVec3;
 use std::path::Path;
 
@@ -27,7 +27,7 @@ impl Catalog {
     ///
     /// # Errors
     /// Never with the bytes this version was built from (`the_built_in_catalog_opens`).
-    pub fn built_in() -> Result<Self, CatalogError> {
+    pub fn built_in() -> Result<Self, Refused> {
         Self::from_bytes(BUILT_IN)
     }
 
@@ -35,14 +35,15 @@ impl Catalog {
     ///
     /// # Errors
     /// When the file cannot be read, and as [`Self::from_bytes`].
-    pub fn open(path: &Path) -> Result<Self, CatalogError> {
-        let failed = |source| CatalogError::File { path: path.into(), source };
+    pub fn open(path: &Path) -> Result<Self, Refused> {
+        let failed = |source| Refused(format!("catalog {path}: {source}", path = path.display()));
         let length = std::fs::metadata(path).map_err(failed)?.len();
         if length > MOST_BYTES {
             let count = usize::try_from(length).unwrap_or(usize::MAX);
-            return Err(CatalogError::TooMany { what: "bytes", count, most: MOST_BYTES as usize });
+            return Err(error::too_many("bytes", count, MOST_BYTES as usize));
         }
-        let bytes = read_bytes(path, MOST_BYTES).map_err(|source| CatalogError::File { path: path.into(), source })?;
+        let bytes = read_bytes(path, MOST_BYTES)
+            .map_err(|source| Refused(format!("catalog {path}: {source}", path = path.display())))?;
         Self::from_bytes(&bytes)
     }
 
@@ -50,7 +51,7 @@ impl Catalog {
     ///
     /// # Errors
     /// When the bytes are not a packed catalog, of another version, cut short, too long or damaged.
-    pub fn from_bytes(bytes: &[u8]) -> Result<Self, CatalogError> {
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, Refused> {
         let (header, parts) = checked_parts(bytes)?;
         let records = parts.records.chunks_exact(RECORD_BYTES).zip(parts.parallaxes.chunks_exact(PARALLAX_BYTES));
         let numbering = numbering(&header)?;
@@ -116,10 +117,13 @@ struct Parts<'a> {
     credits: &'a [u8],
 }
 
-fn checked_parts(bytes: &[u8]) -> Result<(Header, Parts<'_>), CatalogError> {
+fn checked_parts(bytes: &[u8]) -> Result<(Header, Parts<'_>), Refused> {
     if !bytes.starts_with(&MAGIC) {
         let shown = &bytes[..bytes.len().min(MAGIC.len())];
-        return Err(CatalogError::Magic { got: String::from_utf8_lossy(shown).into_owned() });
+        return Err(Refused(format!(
+            "not a packed star catalog: wanted it to begin with \"STARCAT1\", got {got:?}; a CSV is packed by `starloop catalog pack`",
+            got = String::from_utf8_lossy(shown).into_owned()
+        )));
     }
     let mut left = Left { bytes, taken: 0 };
     let mut head = [0; HEADER_BYTES];
@@ -135,14 +139,27 @@ fn checked_parts(bytes: &[u8]) -> Result<(Header, Parts<'_>), CatalogError> {
         credits: left.take("credits", header.credits_bytes as usize)?,
     };
     if left.taken != bytes.len() {
-        return Err(CatalogError::TrailingBytes { wanted: left.taken, got: bytes.len() });
+        return Err(Refused(format!(
+            "packed catalog has {got} bytes, wanted {wanted}: something follows its end",
+            got = bytes.len(),
+            wanted = left.taken
+        )));
     }
     let got = file_crc32(bytes);
-    if got == header.crc32 { Ok((header, parts)) } else { Err(CatalogError::Checksum { wanted: header.crc32, got }) }
+    if got == header.crc32 {
+        Ok((header, parts))
+    } else {
+        Err(Refused(format!(
+            "packed catalog is damaged: CRC-32 wanted {wanted:08x}, got {got:08x}; copy or pack it again",
+            wanted = header.crc32
+        )))
+    }
 }
 
-fn check_header(header: &Header) -> Result<(), CatalogError> {
-    let refuse = |field, wanted: String, got: String| Err(CatalogError::Layout { field, wanted, got });
+fn check_header(header: &Header) -> Result<(), Refused> {
+    let refuse = |field, wanted: String, got: String| {
+        Err(Refused(format!("packed catalog: {field} wanted {wanted}, got {got}")))
+    };
     if header.version != VERSION {
         let wanted = format!("{VERSION} (pack its CSV again with `starloop catalog pack`)");
         return refuse("format version", wanted, header.version.to_string());
@@ -156,11 +173,12 @@ fn check_header(header: &Header) -> Result<(), CatalogError> {
     Ok(())
 }
 
-fn numbering(header: &Header) -> Result<Numbering, CatalogError> {
-    Numbering::of_mark(header.numbering_mark).ok_or_else(|| CatalogError::Layout {
-        field: "origin of numbers",
-        wanted: "a mark that this program knows".into(),
-        got: header.numbering_mark.to_string(),
+fn numbering(header: &Header) -> Result<Numbering, Refused> {
+    Numbering::of_mark(header.numbering_mark).ok_or_else(|| {
+        Refused(format!(
+            "packed catalog: origin of numbers wanted a mark that this program knows, got {got}",
+            got = header.numbering_mark
+        ))
     })
 }
 
@@ -171,9 +189,12 @@ struct Left<'a> {
 }
 
 impl<'a> Left<'a> {
-    fn take(&mut self, part: &'static str, count: usize) -> Result<&'a [u8], CatalogError> {
+    fn take(&mut self, part: &'static str, count: usize) -> Result<&'a [u8], Refused> {
         let wanted = self.taken.saturating_add(count);
-        let truncated = CatalogError::Truncated { part, wanted, got: self.bytes.len() };
+        let truncated = Refused(format!(
+            "packed catalog is cut short: wanted {wanted} bytes for its {part}, got {got}; copy or pack it again",
+            got = self.bytes.len()
+        ));
         let taken = self.bytes.get(self.taken..wanted).ok_or(truncated)?;
         self.taken = wanted;
         Ok(taken)
@@ -198,15 +219,15 @@ fn star_of(id: u32, source_id: Option<SourceId>, star: &StarRecord) -> CatalogSo
 }
 
 /// Returns the first star of each tile, and the number of stars; of each tile the brightest is the first.
-fn first_stars(offsets: &[u8], sources: &[CatalogSource]) -> Result<Vec<u64>, CatalogError> {
+fn first_stars(offsets: &[u8], sources: &[CatalogSource]) -> Result<Vec<u64>, Refused> {
     let firsts: Vec<u64> = (0..=TILES).map(|tile| u64::from(u32_at(offsets, tile * 4))).collect();
     let stars = sources.len() as u64;
     if firsts[0] != 0 || firsts[TILES] != stars {
         let why = format!("offsets wanted 0..{stars}, got {}..{}", firsts[0], firsts[TILES]);
-        return Err(CatalogError::Tile { tile: 0, why });
+        return Err(Refused(format!("packed catalog, tile {tile}: {why}", tile = 0)));
     }
     for (tile, ends) in firsts.windows(2).enumerate() {
-        let refuse = |why: String| Err(CatalogError::Tile { tile, why });
+        let refuse = |why: String| Err(Refused(format!("packed catalog, tile {tile}: {why}")));
         let [first, end] = [0, 1].map(|place| usize::try_from(ends[place]).unwrap_or(usize::MAX));
         let Some(members) = sources.get(first..end) else {
             return refuse(format!("stars {first}..{end} of {stars}"));

@@ -10,14 +10,14 @@
 //!
 //! The same CSV gives the same bytes: stars are ordered by tile, stored magnitude, then `source_id`.
 
-use super::error::CatalogError;
 use super::layout::{
     DEC_STEP_RAD, FASTEST_MAS_YR, Header, MOST_STARS, NO_PROPER_MOTION, PARALLAX_STEP_MAS, PM_STEP_MAS_YR, RA_STEP_RAD,
     StarRecord, TILE_ORDER, TILES, VERSION, file_crc32,
 };
+use crate::catalog::error;
 use crate::steps::{COLOUR_DOMAIN_MAG, FAINTEST_MAG, MAG_STEP, MAG_ZERO, NO_PARALLAX, nearest_i16, nearest_u16};
 use crate::{credits::credits_of, numbering::Origins};
-use base::units::DEG;
+use base::{refused::Refused, units::DEG};
 use csv::StringRecord;
 use std::io::Read;
 
@@ -54,16 +54,16 @@ struct Star {
 ///
 /// # Errors
 /// When the text is not CSV, a column is missing or a cell is out of its field's range (with line and column).
-pub fn pack(input: impl Read, epoch_yr: f64, credits: Option<&str>) -> Result<(Vec<u8>, PackReport), CatalogError> {
+pub fn pack(input: impl Read, epoch_yr: f64, credits: Option<&str>) -> Result<(Vec<u8>, PackReport), Refused> {
     let mut reader = csv::Reader::from_reader(input);
-    let columns = Columns::find(reader.headers()?)?;
+    let columns = Columns::find(reader.headers().map_err(error::not_csv)?)?;
     let mut report = PackReport::default();
     let mut stars = Vec::new();
     for row in reader.records() {
         if stars.len() == MOST_STARS {
-            return Err(CatalogError::TooMany { what: "stars", count: MOST_STARS + 1, most: MOST_STARS });
+            return Err(error::too_many("stars", MOST_STARS + 1, MOST_STARS));
         }
-        stars.push(star(&Row { columns: &columns, cells: row? }, &mut report)?);
+        stars.push(star(&Row { columns: &columns, cells: row.map_err(error::not_csv)? }, &mut report)?);
     }
     report.stars = stars.len();
     stars.sort_by_key(|star| (star.tile, star.record.g, star.source_id, star.record.ra, star.record.dec));
@@ -71,7 +71,7 @@ pub fn pack(input: impl Read, epoch_yr: f64, credits: Option<&str>) -> Result<(V
     Ok((file(&stars, &report.origins, epoch_yr, credits.unwrap_or(&asked_for))?, report))
 }
 
-fn file(stars: &[Star], origins: &Origins, epoch_yr: f64, credits: &str) -> Result<Vec<u8>, CatalogError> {
+fn file(stars: &[Star], origins: &Origins, epoch_yr: f64, credits: &str) -> Result<Vec<u8>, Refused> {
     let header = Header {
         version: VERSION,
         order: u32::from(TILE_ORDER),
@@ -95,11 +95,11 @@ fn file(stars: &[Star], origins: &Origins, epoch_yr: f64, credits: &str) -> Resu
     Ok(bytes)
 }
 
-fn count(what: &'static str, count: usize) -> Result<u32, CatalogError> {
-    u32::try_from(count).map_err(|_| CatalogError::TooMany { what, count, most: u32::MAX as usize })
+fn count(what: &'static str, count: usize) -> Result<u32, Refused> {
+    u32::try_from(count).map_err(|_| error::too_many(what, count, u32::MAX as usize))
 }
 
-fn star(row: &Row<'_>, report: &mut PackReport) -> Result<Star, CatalogError> {
+fn star(row: &Row<'_>, report: &mut PackReport) -> Result<Star, Refused> {
     let ra_rad = row.required(RA, 0.0, 360.0)? * DEG;
     let dec_rad = row.required(DEC, -90.0, 90.0)? * DEG;
     let [pm_ra, pm_dec] = proper_motion(row, report)?;
@@ -119,7 +119,7 @@ fn star(row: &Row<'_>, report: &mut PackReport) -> Result<Star, CatalogError> {
     Ok(Star { tile, source_id, record })
 }
 
-fn proper_motion(row: &Row<'_>, report: &mut PackReport) -> Result<[i32; 2], CatalogError> {
+fn proper_motion(row: &Row<'_>, report: &mut PackReport) -> Result<[i32; 2], Refused> {
     let east = row.optional(PM_RA, -FASTEST_MAS_YR, FASTEST_MAS_YR)?;
     let north = row.optional(PM_DEC, -FASTEST_MAS_YR, FASTEST_MAS_YR)?;
     let unknown_as_zero = ORIGINS_WITHOUT_MOTION.contains(&row.origin());
@@ -134,7 +134,7 @@ fn proper_motion(row: &Row<'_>, report: &mut PackReport) -> Result<[i32; 2], Cat
     }
 }
 
-fn parallax(row: &Row<'_>, report: &mut PackReport) -> Result<u16, CatalogError> {
+fn parallax(row: &Row<'_>, report: &mut PackReport) -> Result<u16, Refused> {
     let most_mas = f64::from(NO_PARALLAX - 1) * PARALLAX_STEP_MAS;
     let Some(parallax_mas) = row.optional(PARALLAX, -most_mas, most_mas)? else {
         report.without_parallax += 1;
@@ -144,7 +144,7 @@ fn parallax(row: &Row<'_>, report: &mut PackReport) -> Result<u16, CatalogError>
     Ok(nearest_u16(parallax_mas.max(0.0) / PARALLAX_STEP_MAS))
 }
 
-fn colour(row: &Row<'_>, report: &mut PackReport) -> Result<i16, CatalogError> {
+fn colour(row: &Row<'_>, report: &mut PackReport) -> Result<i16, Refused> {
     let bp_rp = row.required(BP_RP, -10.0, 20.0)?;
     let clamped = bp_rp.clamp(COLOUR_DOMAIN_MAG[0], COLOUR_DOMAIN_MAG[1]);
     report.clamped_colours += usize::from(bp_rp != clamped);
@@ -181,12 +181,16 @@ struct Columns {
 }
 
 impl Columns {
-    fn find(header: &StringRecord) -> Result<Self, CatalogError> {
+    fn find(header: &StringRecord) -> Result<Self, Refused> {
         let place = |name: &str| header.iter().position(|cell| cell.trim() == name);
         let missing: Vec<&str> = NAMES.into_iter().filter(|name| place(name).is_none()).collect();
         if !missing.is_empty() {
-            let got = header.iter().collect::<Vec<_>>().join(",").chars().take(LONGEST_SHOWN).collect();
-            return Err(CatalogError::Columns { missing: missing.join(", "), got });
+            let got = header.iter().collect::<Vec<_>>().join(",").chars().take(LONGEST_SHOWN).collect::<String>();
+            return Err(Refused(format!(
+                "catalog CSV: no column {missing}; got {got}; cells may be blank, or take the CSV in by `starloop catalog import`, \
+         which reads Gaia's column names and, by --column, others",
+                missing = missing.join(", ")
+            )));
         }
         let places = NAMES.map(|name| place(name).unwrap_or(usize::MAX));
         Ok(Self { places, origin: place("origin") })
@@ -207,17 +211,20 @@ impl Row<'_> {
         self.columns.origin.and_then(|place| self.cells.get(place)).unwrap_or("").trim()
     }
 
-    fn refuse(&self, column: usize, wanted: String) -> CatalogError {
+    fn refuse(&self, column: usize, wanted: String) -> Refused {
         let line = self.cells.position().map_or(0, csv::Position::line);
-        let got = self.text(column).chars().take(LONGEST_SHOWN).collect();
-        CatalogError::Cell { line, column: NAMES[column], wanted, got }
+        let got = self.text(column).chars().take(LONGEST_SHOWN).collect::<String>();
+        Refused(format!(
+            "catalog CSV, line {line}, column {column}: wanted {wanted}, got \"{got}\"",
+            column = NAMES[column]
+        ))
     }
 
-    fn required(&self, column: usize, low: f64, high: f64) -> Result<f64, CatalogError> {
+    fn required(&self, column: usize, low: f64, high: f64) -> Result<f64, Refused> {
         self.optional(column, low, high)?.ok_or_else(|| self.refuse(column, format!("a number in {low}..{high}")))
     }
 
-    fn optional(&self, column: usize, low: f64, high: f64) -> Result<Option<f64>, CatalogError> {
+    fn optional(&self, column: usize, low: f64, high: f64) -> Result<Option<f64>, Refused> {
         let text = self.text(column);
         if text.is_empty() || text.eq_ignore_ascii_case("nan") {
             return Ok(None);
@@ -226,7 +233,7 @@ impl Row<'_> {
         value.map(Some).ok_or_else(|| self.refuse(column, format!("a number in {low}..{high}")))
     }
 
-    fn source_id(&self) -> Result<i64, CatalogError> {
+    fn source_id(&self) -> Result<i64, Refused> {
         self.text(SOURCE_ID).parse().map_err(|_| self.refuse(SOURCE_ID, "an integer".into()))
     }
 }

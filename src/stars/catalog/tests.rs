@@ -108,22 +108,22 @@ fn a_file_too_long_for_memory_is_refused_unread() {
 #[test]
 fn bad_files_are_refused_never_misread() {
     let good = small();
-    let refuse = |bytes: &[u8]| Catalog::from_bytes(bytes).expect_err("a bad file");
-    assert!(matches!(refuse(b"source_id,hip"), CatalogError::Magic { .. }), "a CSV");
-    assert!(matches!(refuse(b""), CatalogError::Magic { .. }), "empty");
+    let refuse = |bytes: &[u8]| Catalog::from_bytes(bytes).expect_err("a bad file").to_string();
+    assert!(refuse(b"source_id,hip").starts_with("not a packed star catalog"), "a CSV");
+    assert!(refuse(b"").starts_with("not a packed star catalog"), "empty");
     for cut in [9, 39, 40, 5000, good.len() - 1] {
-        assert!(matches!(refuse(&good[..cut]), CatalogError::Truncated { .. }), "cut at {cut}");
+        assert!(refuse(&good[..cut]).starts_with("packed catalog is cut short"), "cut at {cut}");
     }
-    assert!(matches!(refuse(&[&good[..], b"x"].concat()), CatalogError::TrailingBytes { .. }), "too long");
+    assert!(refuse(&[&good[..], b"x"].concat()).contains("something follows its end"), "too long");
     for flipped in [25, 33, 41, 12_340, good.len() - 1] {
         let mut bytes = good.clone();
         bytes[flipped] ^= 1;
-        assert!(matches!(refuse(&bytes), CatalogError::Checksum { .. }), "byte {flipped}: {}", refuse(&bytes));
+        assert!(refuse(&bytes).contains("is damaged: CRC-32"), "byte {flipped}: {}", refuse(&bytes));
     }
     for version in [1, 3] {
         let mut other = good.clone();
         other[8] = version;
-        let reported = refuse(&other).to_string();
+        let reported = refuse(&other);
         assert!(
             reported.contains("format version wanted 2 (pack its CSV again")
                 && reported.ends_with(&format!("got {version}")),
@@ -141,7 +141,7 @@ fn unsorted_tiles_are_refused_even_with_a_good_checksum() {
     let crc = layout::file_crc32(&bytes);
     bytes[layout::CRC_AT..layout::CRC_AT + 4].copy_from_slice(&crc.to_le_bytes());
     let error = Catalog::from_bytes(&bytes).expect_err("unsorted");
-    assert!(matches!(error, CatalogError::Tile { .. }), "{error}");
+    assert!(error.to_string().starts_with("packed catalog, tile "), "{error}");
 }
 
 #[test]

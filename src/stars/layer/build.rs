@@ -14,10 +14,12 @@
 use super::layout::{TileFrame, order_for, tiles_of};
 use super::runs::{RunSort, SORTED_BYTES, each_row, new_file};
 use super::star::{NewStar, ROW_BYTES, StarCounts, TakenStar, WaitingRow};
+use super::twins::Twins;
 use super::writer::{Head, LayerReport, LayerWriter, UnnamedLayer, sync_folder_of};
-use super::{error::LayerError, twins::Twins};
+use crate::layer::error;
 use crate::{credits::credits_of, numbering::Origins};
 use base::input_file::{DATA_BYTES, read_bytes};
+use base::refused::Refused;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, OpenOptions};
@@ -82,21 +84,20 @@ impl Sorting {
     ///
     /// # Errors
     /// When the folder cannot be used, or holds an import into other layers.
-    pub fn start(work: &Path, limits_mag: &[f32]) -> Result<Self, LayerError> {
-        fs::create_dir_all(work).map_err(LayerError::file("cannot make", work))?;
+    pub fn start(work: &Path, limits_mag: &[f32]) -> Result<Self, Refused> {
+        fs::create_dir_all(work).map_err(Refused::file("cannot make", work))?;
         let path = work.join(PROGRESS);
-        let mut there = fs::read_dir(work).map_err(LayerError::file("cannot list", work))?;
+        let mut there = fs::read_dir(work).map_err(Refused::file("cannot list", work))?;
         if there.any(|entry| entry.is_ok_and(|entry| !is_ours(&entry.path()))) {
-            let why = "wanted a folder of its own for what is sorted, got one with other files".into();
-            return Err(LayerError::Work { path: work.into(), why });
+            return Err(error::work(work, "wanted a folder of its own for what is sorted, got one with other files"));
         }
-        let refuse = |why: String| LayerError::Work { path: path.clone(), why };
+        let refuse = |why: String| error::work(&path, why);
         let progress = match read_bytes(&path, DATA_BYTES) {
             Ok(text) => serde_json::from_slice(&text).map_err(|error| refuse(format!("cannot be read: {error}")))?,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
                 Progress { limits_mag: limits_mag.to_vec(), ..Progress::default() }
             }
-            Err(source) => return Err(LayerError::file("cannot read", &path)(source)),
+            Err(source) => return Err(Refused::file("cannot read", &path)(source)),
         };
         if progress.limits_mag != limits_mag {
             return Err(refuse(format!(
@@ -146,8 +147,8 @@ impl Sorting {
     ///
     /// # Errors
     /// When the earlier try read its inputs otherwise, or took in one that is not named now.
-    pub fn hold_to(&mut self, options: &str, inputs: &[&str]) -> Result<(), LayerError> {
-        let refuse = |why| Err(LayerError::Work { path: self.work.join(PROGRESS), why });
+    pub fn hold_to(&mut self, options: &str, inputs: &[&str]) -> Result<(), Refused> {
+        let refuse = |why| Err(error::work(&self.work.join(PROGRESS), why));
         let progress = &self.progress;
         if !progress.inputs.is_empty() && progress.options != options {
             let began = if progress.options.is_empty() { "unknown options" } else { &progress.options };
@@ -163,40 +164,40 @@ impl Sorting {
     }
 
     /// Cuts files of rows back to where the last checkpoint has them, and removes those that it does not know.
-    fn cut_back(&self) -> Result<(), LayerError> {
-        for entry in fs::read_dir(&self.work).map_err(LayerError::file("cannot list", &self.work))? {
-            let path = entry.map_err(LayerError::file("cannot list", &self.work))?.path();
+    fn cut_back(&self) -> Result<(), Refused> {
+        for entry in fs::read_dir(&self.work).map_err(Refused::file("cannot list", &self.work))? {
+            let path = entry.map_err(Refused::file("cannot list", &self.work))?.path();
             let Some(name) = path.file_name().and_then(|name| name.to_str()).filter(|name| name.ends_with(".rows"))
             else {
                 continue;
             };
             let wanted = self.progress.rows.get(name).copied().unwrap_or(0);
             if wanted == 0 {
-                fs::remove_file(&path).map_err(LayerError::file("cannot remove", &path))?;
+                fs::remove_file(&path).map_err(Refused::file("cannot remove", &path))?;
                 continue;
             }
-            let file = OpenOptions::new().write(true).open(&path).map_err(LayerError::file("cannot open", &path))?;
-            let got = file.metadata().map_err(LayerError::file("cannot read", &path))?.len();
+            let file = OpenOptions::new().write(true).open(&path).map_err(Refused::file("cannot open", &path))?;
+            let got = file.metadata().map_err(Refused::file("cannot read", &path))?.len();
             if got < wanted {
                 let why = format!("{got} bytes, wanted {wanted} by {PROGRESS}");
-                return Err(LayerError::Work { path, why });
+                return Err(error::work(&path, why));
             }
-            file.set_len(wanted).map_err(LayerError::file("cannot cut", &path))?;
+            file.set_len(wanted).map_err(Refused::file("cannot cut", &path))?;
         }
         let missing = self.progress.rows.keys().map(|name| self.work.join(name)).find(|path| !path.exists());
-        missing.map_or(Ok(()), |path| Err(LayerError::Work { path, why: "missing".into() }))
+        missing.map_or(Ok(()), |path| Err(error::work(&path, "missing")))
     }
 
     /// Returns whether this input was taken in whole before; `mark` is its fingerprint.
     ///
     /// # Errors
     /// When an input of that name was another one.
-    pub fn has(&self, input: &str, mark: &str) -> Result<bool, LayerError> {
+    pub fn has(&self, input: &str, mark: &str) -> Result<bool, Refused> {
         match self.progress.inputs.get(input) {
             Some(known) if known == mark => Ok(true),
             Some(known) => {
                 let why = format!("\"{input}\" was taken in as {known}, and is {mark} now");
-                Err(LayerError::Work { path: self.work.join(PROGRESS), why })
+                Err(error::work(&self.work.join(PROGRESS), why))
             }
             None => Ok(false),
         }
@@ -206,7 +207,7 @@ impl Sorting {
     ///
     /// # Errors
     /// When it cannot be stored, or the disk failed.
-    pub fn add(&mut self, star: &NewStar) -> Result<(), LayerError> {
+    pub fn add(&mut self, star: &NewStar) -> Result<(), Refused> {
         let limits = &self.progress.limits_mag;
         let Some(layer) = limits.iter().position(|limit| star.mag_g < f64::from(*limit)) else {
             self.progress.counts.too_faint += 1;
@@ -227,7 +228,7 @@ impl Sorting {
     ///
     /// # Errors
     /// When the disk failed.
-    pub fn each_star(&mut self, faintest_mag: f64, look: &mut dyn FnMut(&TakenStar)) -> Result<(), LayerError> {
+    pub fn each_star(&mut self, faintest_mag: f64, look: &mut dyn FnMut(&TakenStar)) -> Result<(), Refused> {
         self.write_rows()?;
         let limits = &self.progress.limits_mag;
         let begins = |layer: usize| layer.checked_sub(1).map_or(f64::NEG_INFINITY, |before| limits[before].into());
@@ -268,13 +269,13 @@ impl Sorting {
         self.write_rows().unwrap();
     }
 
-    fn write_rows(&mut self) -> Result<(), LayerError> {
+    fn write_rows(&mut self) -> Result<(), Refused> {
         for ((layer, part), rows) in core::mem::take(&mut self.waiting) {
             let name = rows_name(layer, part);
             let path = self.work.join(&name);
             let file = OpenOptions::new().create(true).append(true).open(&path);
-            let mut file = file.map_err(LayerError::file("cannot open", &path))?;
-            file.write_all(&rows).map_err(LayerError::file("cannot write", &path))?;
+            let mut file = file.map_err(Refused::file("cannot open", &path))?;
+            file.write_all(&rows).map_err(Refused::file("cannot write", &path))?;
             self.unsynced.insert(name.clone());
             *self.progress.rows.entry(name).or_default() += rows.len() as u64;
         }
@@ -286,18 +287,18 @@ impl Sorting {
     ///
     /// # Errors
     /// When the disk failed.
-    pub fn checkpoint(&mut self, input: &str, mark: &str) -> Result<(), LayerError> {
+    pub fn checkpoint(&mut self, input: &str, mark: &str) -> Result<(), Refused> {
         self.progress.inputs.insert(input.into(), mark.into());
         self.save()
     }
 
     /// Writes the progress down, after the rows that it speaks of.
-    fn save(&mut self) -> Result<(), LayerError> {
+    fn save(&mut self) -> Result<(), Refused> {
         self.write_rows()?;
         // Rows must be on the disk before it is written down that they are.
         for name in core::mem::take(&mut self.unsynced) {
             let path = self.work.join(name);
-            File::open(&path).and_then(|file| file.sync_data()).map_err(LayerError::file("cannot write", &path))?;
+            File::open(&path).and_then(|file| file.sync_data()).map_err(Refused::file("cannot write", &path))?;
         }
         let text = serde_json::to_vec_pretty(&self.progress).map_err(std::io::Error::from);
         let path = self.work.join(PROGRESS);
@@ -309,7 +310,7 @@ impl Sorting {
             fs::rename(&part, &path)?;
             sync_folder_of(&path)
         });
-        written.map_err(LayerError::file("cannot write", &path))
+        written.map_err(Refused::file("cannot write", &path))
     }
 
     /// Sorts everything into layers `out/gNN.starlayer` of epoch `epoch_yr`, with the credits the stars ask for, in the
@@ -324,9 +325,9 @@ impl Sorting {
         epoch_yr: f64,
         credits: &str,
         progress: &mut dyn FnMut(f64),
-    ) -> Result<Vec<LayerReport>, LayerError> {
-        fs::create_dir_all(out).map_err(LayerError::file("cannot make", out))?;
-        self.progress.finishing = Some(folder_mark(out).map_err(LayerError::file("cannot find", out))?);
+    ) -> Result<Vec<LayerReport>, Refused> {
+        fs::create_dir_all(out).map_err(Refused::file("cannot make", out))?;
+        self.progress.finishing = Some(folder_mark(out).map_err(Refused::file("cannot find", out))?);
         self.save()?;
         let limits = self.progress.limits_mag.clone();
         let numbering = (!self.progress.is_without_numbers).then(|| self.progress.origins.numbering(epoch_yr));
@@ -344,16 +345,16 @@ impl Sorting {
     }
 
     /// Removes what was needed to go on, the progress first: without it nothing else is missed.
-    fn remove_work(&self) -> Result<(), LayerError> {
+    fn remove_work(&self) -> Result<(), Refused> {
         let path = self.work.join(PROGRESS);
-        fs::remove_file(&path).map_err(LayerError::file("cannot remove", &path))?;
-        for entry in fs::read_dir(&self.work).map_err(LayerError::file("cannot list", &self.work))? {
-            let path = entry.map_err(LayerError::file("cannot list", &self.work))?.path();
+        fs::remove_file(&path).map_err(Refused::file("cannot remove", &path))?;
+        for entry in fs::read_dir(&self.work).map_err(Refused::file("cannot list", &self.work))? {
+            let path = entry.map_err(Refused::file("cannot list", &self.work))?.path();
             if is_ours(&path) {
-                fs::remove_file(&path).map_err(LayerError::file("cannot remove", &path))?;
+                fs::remove_file(&path).map_err(Refused::file("cannot remove", &path))?;
             }
         }
-        fs::remove_dir(&self.work).map_err(LayerError::file("cannot remove", &self.work))
+        fs::remove_dir(&self.work).map_err(Refused::file("cannot remove", &self.work))
     }
 
     fn write_layer(
@@ -362,7 +363,7 @@ impl Sorting {
         path: &Path,
         head: &Head<'_>,
         progress: &mut dyn FnMut(f64),
-    ) -> Result<UnnamedLayer, LayerError> {
+    ) -> Result<UnnamedLayer, Refused> {
         let parts: Vec<u64> = (0..tiles_of(PART_ORDER) as u64).collect();
         let length = |part: &u64| self.progress.rows.get(&rows_name(layer, *part)).copied().unwrap_or(0);
         let order = order_for(parts.iter().map(length).sum::<u64>() / ROW_BYTES as u64);

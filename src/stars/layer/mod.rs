@@ -22,7 +22,6 @@ mod twins;
 mod writer;
 
 pub use build::{LEAST_MEMORY_BYTES, MEMORY_BYTES, Sorting, layer_name};
-pub use error::LayerError;
 pub use layout::{FASTEST_MAS_YR, StarRecord, order_for, tiles_of};
 pub use open::{Layer, UNKNOWN_BP_RP_MAG, is_layer};
 pub use set::{LayerSet, TileId};

@@ -9,11 +9,12 @@ use super::layout::{
     FASTEST_MAS_YR, HEADER_BYTES, Header, LEAST_ORDER, LONGEST_CREDITS, MAGIC, MOST_ORDER, NO_COLOUR, NUMBER_BYTES,
     PARALLAX_STEP_MAS, RECORD_BYTES, StarRecord, TileFrame, VERSION, VERSION_WITHOUT_NUMBERS, head_crc32, tiles_of,
 };
-use super::{error::LayerError, writer::head_bytes};
+use super::writer::head_bytes;
+use crate::layer::error;
 use crate::numbering::{NO_NUMBER, Numbering};
 use crate::steps::{MAG_STEP, MAG_ZERO, NO_PARALLAX, mag_of, source};
 use crate::{StarIndex, cover::chord_squared};
-use base::{source::CatalogSource, source_id::SourceId, units::DEG};
+use base::{refused::Refused, source::CatalogSource, source_id::SourceId, units::DEG};
 use core::cmp::Ordering;
 use glam::DVec3;
 use std::fs::File;
@@ -78,15 +79,15 @@ impl Layer {
     /// # Errors
     /// When it cannot be read, is not a layer, of another version, half written, cut short, too long or its head is
     /// damaged.
-    pub fn open(path: &Path) -> Result<Self, LayerError> {
-        let file = File::open(path).map_err(LayerError::file("cannot open", path))?;
-        let got = file.metadata().map_err(LayerError::file("cannot read", path))?.len();
+    pub fn open(path: &Path) -> Result<Self, Refused> {
+        let file = File::open(path).map_err(Refused::file("cannot open", path))?;
+        let got = file.metadata().map_err(Refused::file("cannot read", path))?.len();
         let read = |at: u64, bytes: &mut [u8]| {
             read_at(&file, at, bytes).map_err(|source| {
                 if source.kind() == std::io::ErrorKind::UnexpectedEof {
-                    LayerError::Length { path: path.into(), wanted: at + bytes.len() as u64, got }
+                    error::length(path, at + bytes.len() as u64, got)
                 } else {
-                    LayerError::file("cannot read", path)(source)
+                    Refused::file("cannot read", path)(source)
                 }
             })
         };
@@ -95,7 +96,13 @@ impl Layer {
         read(0, &mut magic[..shown])?;
         if magic != MAGIC {
             let got = String::from_utf8_lossy(&magic[..shown]).into_owned();
-            return Err(LayerError::Magic { path: path.into(), got });
+            return Err(Refused::at(
+                path,
+                format_args!(
+                    "not a star layer: wanted it to begin with \"STARLAY1\", got {got:?}; `starloop catalog import` makes layers of \
+                     a CSV (what `catalog pack` makes is for `catalog info`, `query` and `map`)"
+                ),
+            ));
         }
         let mut bytes = [0; HEADER_BYTES];
         read(0, &mut bytes)?;
@@ -107,14 +114,20 @@ impl Layer {
         let of_numbers = if numbering.is_some() { header.stars.saturating_mul(NUMBER_BYTES as u64) } else { 0 };
         let wanted = numbers_at.saturating_add(of_numbers);
         if got != wanted {
-            return Err(LayerError::Length { path: path.into(), wanted, got });
+            return Err(error::length(path, wanted, got));
         }
         refuse_holes(path, &file)?;
         let mut head = zeros(path, usize::try_from(records_at).unwrap_or(usize::MAX))?;
         read(0, &mut head)?;
         let crc32 = head_crc32(&head);
         if crc32 != header.crc32 {
-            return Err(LayerError::Head { path: path.into(), wanted: header.crc32, got: crc32 });
+            return Err(Refused::at(
+                path,
+                format_args!(
+                    "damaged: CRC-32 of its head wanted {wanted:08x}, got {crc32:08x}; import it again",
+                    wanted = header.crc32
+                ),
+            ));
         }
         let (tiles, rest) = (tiles_of(order), &head[HEADER_BYTES..]);
         let (firsts, rest) = rest.split_at(8 * (tiles + 1));
@@ -162,7 +175,7 @@ impl Layer {
         first_id: u32,
         bytes: &mut Vec<u8>,
         out: &mut Vec<CatalogSource>,
-    ) -> Result<(), LayerError> {
+    ) -> Result<(), Refused> {
         let frame = TileFrame::new(self.index.order, tile);
         let g_limit = (f64::from(limiting_mag) - MAG_ZERO) / MAG_STEP + 1e-3;
         let before = out.len();
@@ -171,7 +184,7 @@ impl Layer {
                 |record: &[u8; RECORD_BYTES]| f64::from(u16::from_le_bytes([record[6], record[7]])) <= g_limit;
             let bright = piece.records.partition_point(is_bright);
             let memory = bright * size_of::<CatalogSource>();
-            out.try_reserve(bright).map_err(|_| LayerError::Memory { path: self.path.clone(), bytes: memory })?;
+            out.try_reserve(bright).map_err(|_| error::memory(&self.path, memory))?;
             for (place, record, number) in piece.stars().take(bright) {
                 #[allow(
                     clippy::cast_possible_truncation,
@@ -194,8 +207,8 @@ impl Layer {
         &self,
         tile: u64,
         bytes: &mut Vec<u8>,
-        look: &mut dyn FnMut(&Piece<'_>) -> Result<(), LayerError>,
-    ) -> Result<(), LayerError> {
+        look: &mut dyn FnMut(&Piece<'_>) -> Result<(), Refused>,
+    ) -> Result<(), Refused> {
         let places = self.index.places(tile);
         let (mut crc, mut number_crc) = (crc32fast::Hasher::new(), crc32fast::Hasher::new());
         let star_bytes = RECORD_BYTES + if self.numbers.is_some() { NUMBER_BYTES } else { 0 };
@@ -203,10 +216,10 @@ impl Layer {
             let stars = usize::try_from(places.end - first).unwrap_or(usize::MAX).min(PIECE_STARS);
             bytes.clear();
             let memory = stars * star_bytes;
-            bytes.try_reserve(memory).map_err(|_| LayerError::Memory { path: self.path.clone(), bytes: memory })?;
+            bytes.try_reserve(memory).map_err(|_| error::memory(&self.path, memory))?;
             bytes.resize(memory, 0);
             let (records, numbers) = bytes.split_at_mut(stars * RECORD_BYTES);
-            let failed = LayerError::file("cannot read", &self.path);
+            let failed = Refused::file("cannot read", &self.path);
             let mut read = read_at(&self.file, self.records_at + first * RECORD_BYTES as u64, records);
             if let Some(of) = &self.numbers {
                 read = read.and_then(|()| read_at(&self.file, of.at + first * NUMBER_BYTES as u64, numbers));
@@ -220,18 +233,27 @@ impl Layer {
     }
 
     /// Holds checksums of a tile against those that were written.
-    fn check_tile(&self, tile: u64, got: u32, got_numbers: u32) -> Result<(), LayerError> {
+    fn check_tile(&self, tile: u64, got: u32, got_numbers: u32) -> Result<(), Refused> {
         let at = usize::try_from(tile).unwrap_or(usize::MAX);
         let wanted = self.crcs[at];
         if wanted != got {
             let (ra, dec) = crate::healpix::centre(self.index.order, tile);
             let (path, order, ra_deg, dec_deg) = (self.path.clone(), self.index.order, ra / DEG, dec / DEG);
-            return Err(LayerError::Tile { path, tile, order, ra_deg, dec_deg, wanted, got });
+            return Err(Refused::at(
+                path,
+                format_args!(
+                    "damaged: tile {tile} of order {order} (about RA {ra_deg:.3} Dec {dec_deg:+.3} deg), CRC-32 wanted \
+         {wanted:08x}, got {got:08x}; import it again"
+                ),
+            ));
         }
         match self.numbers.as_ref().map(|numbers| numbers.crcs[at]) {
-            Some(wanted) if wanted != got_numbers => {
-                Err(LayerError::Numbers { path: self.path.clone(), tile, wanted, got: got_numbers })
-            }
+            Some(wanted) if wanted != got_numbers => Err(Refused::at(
+                &self.path,
+                format_args!(
+                    "damaged: numbers of the stars of tile {tile}, CRC-32 wanted {wanted:08x}, got {got_numbers:08x}; import it again"
+                ),
+            )),
             _ => Ok(()),
         }
     }
@@ -248,7 +270,7 @@ impl Layer {
         radius_rad: f64,
         limiting_mag: f32,
         out: &mut Vec<CatalogSource>,
-    ) -> Result<(), LayerError> {
+    ) -> Result<(), Refused> {
         out.clear();
         let Some(axis) = axis.try_normalize() else { return Ok(()) };
         let (mut tiles, mut bytes, mut read) = (Vec::new(), Vec::new(), Vec::new());
@@ -267,7 +289,7 @@ impl Layer {
     ///
     /// # Errors
     /// The first thing that is wrong.
-    pub fn verify(&self, progress: &mut dyn FnMut(f64)) -> Result<(), LayerError> {
+    pub fn verify(&self, progress: &mut dyn FnMut(f64)) -> Result<(), Refused> {
         let mut bytes = Vec::new();
         let tiles = self.crcs.len();
         let steps = |mag: f32| (f64::from(mag) - MAG_ZERO) / MAG_STEP;
@@ -291,7 +313,7 @@ impl Layer {
 
     /// Holds a star to the layer's promises: no faster, no brighter than the one before, within the magnitudes, in
     /// steps.
-    fn check_star(&self, tile: u64, star: &StarRecord, last_g: f64, limits_g: [f64; 2]) -> Result<(), LayerError> {
+    fn check_star(&self, tile: u64, star: &StarRecord, last_g: f64, limits_g: [f64; 2]) -> Result<(), Refused> {
         let (speed, g) = (star.speed_mas_yr(), f64::from(star.g));
         if speed > self.index.fastest_mas_yr {
             let wanted = format!("at most {} mas/yr", self.index.fastest_mas_yr);
@@ -310,27 +332,33 @@ impl Layer {
 }
 
 /// Returns the memory for a head, if it is there.
-fn zeros(path: &Path, bytes: usize) -> Result<Vec<u8>, LayerError> {
+fn zeros(path: &Path, bytes: usize) -> Result<Vec<u8>, Refused> {
     let mut zeros = Vec::new();
-    zeros.try_reserve_exact(bytes).map_err(|_| LayerError::Memory { path: path.into(), bytes })?;
+    zeros.try_reserve_exact(bytes).map_err(|_| error::memory(path, bytes))?;
     zeros.resize(bytes, 0);
     Ok(zeros)
 }
 
 /// Compares the length of a file with its bytes on the disk.
-fn refuse_holes(path: &Path, file: &File) -> Result<(), LayerError> {
+fn refuse_holes(path: &Path, file: &File) -> Result<(), Refused> {
     use std::os::unix::fs::MetadataExt;
-    let about = file.metadata().map_err(LayerError::file("cannot read", path))?;
+    let about = file.metadata().map_err(Refused::file("cannot read", path))?;
     // In blocks of 512 bytes, whatever the disk's are; some file systems do not count them.
     let (bytes, stored) = (about.len(), about.blocks().saturating_mul(512));
     if bytes >= LEAST_HOLES_BYTES && stored > 0 && stored.saturating_mul(MOST_PACKED) < bytes {
-        return Err(LayerError::Holes { path: path.into(), bytes, stored });
+        return Err(Refused::at(
+            path,
+            format_args!(
+                "{bytes} bytes long, but {stored} are on the disk: it has holes where stars should be, as in a copy that \
+         was cut short; import it again"
+            ),
+        ));
     }
     Ok(())
 }
 
 /// Finds out from a head whether the layer has numbers, and whose.
-fn checked_numbering(path: &Path, header: &Header) -> Result<Option<Numbering>, LayerError> {
+fn checked_numbering(path: &Path, header: &Header) -> Result<Option<Numbering>, Refused> {
     let numbering = Numbering::of_mark(header.numbering_mark);
     match (header.version, numbering) {
         (VERSION, Some(_)) => Ok(numbering),
@@ -342,12 +370,12 @@ fn checked_numbering(path: &Path, header: &Header) -> Result<Option<Numbering>, 
     }
 }
 
-fn field(path: &Path, field: &'static str, wanted: String, got: String) -> LayerError {
-    LayerError::Field { path: path.into(), field, wanted, got }
+fn field(path: &Path, field: &'static str, wanted: String, got: String) -> Refused {
+    Refused::at(path, format_args!("{field}: wanted {wanted}, got {got}"))
 }
 
 /// Holds the head's numbers to their ranges, and gives the order.
-fn checked_order(path: &Path, header: &Header) -> Result<u8, LayerError> {
+fn checked_order(path: &Path, header: &Header) -> Result<u8, Refused> {
     if ![VERSION_WITHOUT_NUMBERS, VERSION].contains(&header.version) {
         let wanted = format!("{VERSION_WITHOUT_NUMBERS} or {VERSION}");
         return Err(field(path, "format version", wanted, header.version.to_string()));

@@ -5,9 +5,9 @@
 //! where it was: layer -> stars -> layer gives the same bytes (`imports::hats::tests::layers_come_back_as_they_were`).
 
 use super::layout::{NO_COLOUR, PARALLAX_STEP_MAS, StarRecord, TileFrame};
-use super::{error::LayerError, open::Layer, star::NewStar};
+use super::{open::Layer, star::NewStar};
 use crate::steps::{MAG_STEP, NO_PARALLAX, mag_of};
-use base::source::ra_dec_rad;
+use base::{refused::Refused, source::ra_dec_rad};
 
 /// Where a star is looked for inside its tile, steps: nearest first; the last two for what no half step finds.
 const OFFSETS_STEPS: [f64; 8] = [0.0, 0.25, 0.45, 0.49, 0.499, 0.4999, 1.0, 2.0];
@@ -20,7 +20,7 @@ impl Layer {
     ///
     /// # Errors
     /// When the tile cannot be read or is damaged.
-    pub fn restore_tile(&self, tile: u64, bytes: &mut Vec<u8>, out: &mut Vec<NewStar>) -> Result<(), LayerError> {
+    pub fn restore_tile(&self, tile: u64, bytes: &mut Vec<u8>, out: &mut Vec<NewStar>) -> Result<(), Refused> {
         let index = self.index();
         if index.places(tile).is_empty() {
             return Ok(());

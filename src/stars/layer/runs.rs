@@ -6,8 +6,9 @@
 //! on the budget. A star whose row comes twice (the same number, place and magnitude) is given once and counted. Tests:
 //! below, `tests/allocations/imports.rs` (bytes held).
 
-use super::error::LayerError;
 use super::star::{IDENTITY_BYTES, ROW_BYTES, WaitingRow};
+use crate::layer::error;
+use base::refused::Refused;
 use core::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::fs::{self, File, OpenOptions};
@@ -43,7 +44,7 @@ impl Sorted {
 }
 
 /// Shows the rows of a file of rows, as they come.
-pub(super) fn each_row(path: &Path, look: &mut dyn FnMut(&WaitingRow)) -> Result<(), LayerError> {
+pub(super) fn each_row(path: &Path, look: &mut dyn FnMut(&WaitingRow)) -> Result<(), Refused> {
     let mut rows = Rows::open(path)?;
     while let Some(bytes) = rows.next()? {
         look(&WaitingRow::from_bytes(&bytes));
@@ -65,8 +66,8 @@ impl RunSort {
     pub(super) fn each_star(
         &self,
         path: &Path,
-        take: &mut dyn FnMut(u64, &WaitingRow) -> Result<(), LayerError>,
-    ) -> Result<u64, LayerError> {
+        take: &mut dyn FnMut(u64, &WaitingRow) -> Result<(), Refused>,
+    ) -> Result<u64, Refused> {
         let mut doubled = 0;
         let mut before: Option<Sorted> = None;
         let mut take_once = |row: Sorted| {
@@ -107,16 +108,16 @@ impl RunSort {
     }
 
     /// Returns the memory for as many of `rows` rows as are sorted at a time.
-    fn buffer(&self, path: &Path, rows: u64) -> Result<Vec<Sorted>, LayerError> {
+    fn buffer(&self, path: &Path, rows: u64) -> Result<Vec<Sorted>, Refused> {
         let rows = usize::try_from(rows).unwrap_or(usize::MAX).min(self.most_rows.max(1));
         let mut sorted = Vec::new();
         let bytes = rows.saturating_mul(SORTED_BYTES);
-        sorted.try_reserve_exact(rows).map_err(|_| LayerError::Memory { path: path.into(), bytes })?;
+        sorted.try_reserve_exact(rows).map_err(|_| error::memory(path, bytes))?;
         Ok(sorted)
     }
 
     /// Reads as many rows as there is memory for, and sorts them.
-    fn fill(&self, rows: &mut Rows<'_>, sorted: &mut Vec<Sorted>) -> Result<(), LayerError> {
+    fn fill(&self, rows: &mut Rows<'_>, sorted: &mut Vec<Sorted>) -> Result<(), Refused> {
         while sorted.len() < sorted.capacity().min(self.most_rows.max(1)) {
             let Some(bytes) = rows.next()? else { break };
             sorted.push(Sorted::new(bytes, self.order));
@@ -135,21 +136,21 @@ struct Rows<'a> {
 }
 
 impl<'a> Rows<'a> {
-    fn open(path: &'a Path) -> Result<Self, LayerError> {
-        let file = File::open(path).map_err(LayerError::file("cannot read", path))?;
-        let bytes = file.metadata().map_err(LayerError::file("cannot read", path))?.len();
+    fn open(path: &'a Path) -> Result<Self, Refused> {
+        let file = File::open(path).map_err(Refused::file("cannot read", path))?;
+        let bytes = file.metadata().map_err(Refused::file("cannot read", path))?.len();
         if !bytes.is_multiple_of(ROW_BYTES as u64) {
-            return Err(LayerError::Work { path: path.into(), why: format!("{bytes} bytes are not whole rows") });
+            return Err(error::work(path, format!("{bytes} bytes are not whole rows")));
         }
         Ok(Self { path, file: BufReader::with_capacity(BUFFER_BYTES, file), left: bytes / ROW_BYTES as u64 })
     }
 
-    fn next(&mut self) -> Result<Option<[u8; ROW_BYTES]>, LayerError> {
+    fn next(&mut self) -> Result<Option<[u8; ROW_BYTES]>, Refused> {
         if self.left == 0 {
             return Ok(None);
         }
         let mut bytes = [0; ROW_BYTES];
-        self.file.read_exact(&mut bytes).map_err(LayerError::file("cannot read", self.path))?;
+        self.file.read_exact(&mut bytes).map_err(Refused::file("cannot read", self.path))?;
         self.left -= 1;
         Ok(Some(bytes))
     }
@@ -164,7 +165,7 @@ struct Runs<'a> {
 
 impl Runs<'_> {
     /// Writes a run. Its name ends as those of files of rows do: what is left of it after a crash is removed with them.
-    fn write(&mut self, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<(), LayerError> {
+    fn write(&mut self, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<(), Refused> {
         let path = self.path.with_extension(format!("run{}.rows", self.made));
         let written = new_file(&path).and_then(|file| {
             let mut out = BufWriter::with_capacity(BUFFER_BYTES, file);
@@ -173,10 +174,10 @@ impl Runs<'_> {
         });
         self.made += 1;
         self.files.push(path.clone());
-        written.map_err(LayerError::file("cannot write", &path))
+        written.map_err(Refused::file("cannot write", &path))
     }
 
-    fn write_rows(&mut self, merge: &mut Merge<'_>) -> Result<(), LayerError> {
+    fn write_rows(&mut self, merge: &mut Merge<'_>) -> Result<(), Refused> {
         let mut failed = None;
         self.write(|out| {
             loop {
@@ -203,8 +204,8 @@ pub(super) fn new_file(path: &Path) -> std::io::Result<File> {
     OpenOptions::new().read(true).write(true).create_new(true).open(path)
 }
 
-fn remove(paths: &[PathBuf]) -> Result<(), LayerError> {
-    paths.iter().try_for_each(|path| fs::remove_file(path).map_err(LayerError::file("cannot remove", path)))
+fn remove(paths: &[PathBuf]) -> Result<(), Refused> {
+    paths.iter().try_for_each(|path| fs::remove_file(path).map_err(Refused::file("cannot remove", path)))
 }
 
 /// Several sorted runs as one.
@@ -216,21 +217,21 @@ struct Merge<'a> {
 }
 
 impl<'a> Merge<'a> {
-    fn open(paths: &'a [PathBuf], order: u8) -> Result<Self, LayerError> {
+    fn open(paths: &'a [PathBuf], order: u8) -> Result<Self, Refused> {
         let runs = paths.iter().map(|path| Rows::open(path)).collect::<Result<Vec<_>, _>>()?;
         let mut merge = Self { order, runs, next: BinaryHeap::with_capacity(paths.len()) };
         (0..paths.len()).try_for_each(|run| merge.fetch(run))?;
         Ok(merge)
     }
 
-    fn fetch(&mut self, run: usize) -> Result<(), LayerError> {
+    fn fetch(&mut self, run: usize) -> Result<(), Refused> {
         if let Some(bytes) = self.runs[run].next()? {
             self.next.push(Reverse((Sorted::new(bytes, self.order), run)));
         }
         Ok(())
     }
 
-    fn next(&mut self) -> Result<Option<Sorted>, LayerError> {
+    fn next(&mut self) -> Result<Option<Sorted>, Refused> {
         let Some(Reverse((row, run))) = self.next.pop() else { return Ok(None) };
         self.fetch(run)?;
         Ok(Some(row))

@@ -4,10 +4,10 @@
 //! missing; all are of one epoch. A star's `id` is its place in its layer after the stars of the layers before. Layers
 //! that begin beyond the limiting magnitude are left closed. A catalog in memory is a sky of one layer. Tests: `tests`.
 
-use super::{error::LayerError, layout::tiles_of, open::Layer};
+use super::{layout::tiles_of, open::Layer};
 use crate::{StarIndex, catalog::Catalog};
 use base::source::{CatalogSource, direction_from_ra_dec};
-use base::source_id::SourceId;
+use base::{refused::Refused, source_id::SourceId};
 use glam::DVec3;
 use std::path::PathBuf;
 
@@ -51,25 +51,46 @@ impl LayerSet {
     /// # Errors
     /// When a layer cannot be read or is damaged at its head, they do not join, their epochs differ, or none is so
     /// bright.
-    pub fn open(paths: &[PathBuf], limiting_mag: f32) -> Result<Self, LayerError> {
+    pub fn open(paths: &[PathBuf], limiting_mag: f32) -> Result<Self, Refused> {
         let mut layers = paths.iter().map(|path| Layer::open(path)).collect::<Result<Vec<_>, _>>()?;
         layers.sort_by(|a, b| a.index().magnitudes[0].total_cmp(&b.index().magnitudes[0]));
         for pair in layers.windows(2) {
             let [before, after] = [0, 1].map(|place| pair[place].index());
             let (below, from) = (before.magnitudes[1], after.magnitudes[0]);
             if (below - from).abs() > 0.0 {
-                return Err(LayerError::Joint { path: pair[1].path().into(), below, from });
+                return Err(Refused::at(
+                    pair[1].path(),
+                    format_args!(
+                        "begins at G = {from}, and the layer before it ends at {below}: wanted layers of one import, each where the one \
+         before ends"
+                    ),
+                ));
             }
             let (wanted, got) = (before.epoch_yr, after.epoch_yr);
             if (wanted - got).abs() > 0.0 {
-                return Err(LayerError::Epochs { path: pair[1].path().into(), wanted, got });
+                return Err(Refused::at(
+                    pair[1].path(),
+                    format_args!(
+                        "epoch wanted J{wanted} as of the layers before, got J{got}; import them with one --epoch"
+                    ),
+                ));
             }
         }
         match layers.first() {
-            None => return Err(LayerError::NoLayer),
+            None => {
+                return Err(Refused(
+                    "no layer was named: wanted at least one file as `starloop catalog import` writes them".to_owned(),
+                ));
+            }
             Some(first) if first.index().magnitudes[0] > limiting_mag => {
                 let [from, _] = first.index().magnitudes;
-                return Err(LayerError::NoneSoBright { path: first.path().into(), from, limiting_mag });
+                return Err(Refused::at(
+                    first.path(),
+                    format_args!(
+                        "the brightest layer begins at G = {from}, and the camera sees stars to {limiting_mag}: wanted the brighter \
+         layers too"
+                    ),
+                ));
             }
             Some(_) => {}
         }
@@ -161,7 +182,7 @@ impl LayerSet {
     ///
     /// # Errors
     /// When the tile cannot be read or is damaged.
-    pub fn read(&self, tile: TileId, bytes: &mut Vec<u8>, stars: &mut Vec<CatalogSource>) -> Result<(), LayerError> {
+    pub fn read(&self, tile: TileId, bytes: &mut Vec<u8>, stars: &mut Vec<CatalogSource>) -> Result<(), Refused> {
         let (layer, cell) = (usize::from(tile.layer), u64::from(tile.tile));
         match &self.parts[layer] {
             Part::File(file) => file.read_tile(cell, self.limiting_mag, self.first_ids[layer], bytes, stars),

@@ -1,13 +1,12 @@
 //! A star on its way into a layer: as an importer has it, and as a row that waits on disk to be sorted.
 
-use super::error::LayerError;
 use super::layout::{
     FASTEST_MAS_YR, NO_COLOUR, NO_MOTION, PARALLAX_STEP_MAS, StarRecord, TileFrame, motion_mas_yr, motion_steps,
 };
 use crate::steps::{
     COLOUR_DOMAIN_MAG, FAINTEST_MAG, MAG_STEP, MAG_ZERO, NO_PARALLAX, mag_of, nearest_i16, nearest_u16, u64_at,
 };
-use base::source::direction_from_ra_dec;
+use base::{refused::Refused, source::direction_from_ra_dec};
 use core::f64::consts::{FRAC_PI_2, TAU};
 use serde::{Deserialize, Serialize};
 
@@ -77,10 +76,10 @@ pub(super) struct WaitingRow {
 }
 
 /// Returns stars of one tile as its records, brightest first; each is in the tile.
-pub fn tile_records(order: u8, tile: u64, stars: &[NewStar]) -> Result<Vec<StarRecord>, LayerError> {
+pub fn tile_records(order: u8, tile: u64, stars: &[NewStar]) -> Result<Vec<StarRecord>, Refused> {
     let (frame, mut counts) = (TileFrame::new(order, tile), StarCounts::default());
     let record = |star: &NewStar| Ok(WaitingRow::new(star, &mut counts)?.record(&frame));
-    let mut records = stars.iter().map(record).collect::<Result<Vec<_>, LayerError>>()?;
+    let mut records = stars.iter().map(record).collect::<Result<Vec<_>, Refused>>()?;
     records.sort_by_key(|record| record.g);
     Ok(records)
 }
@@ -97,10 +96,16 @@ impl WaitingRow {
     }
 
     /// Returns a star in stored steps, and what was found in it.
-    pub(super) fn new(star: &NewStar, counts: &mut StarCounts) -> Result<Self, LayerError> {
+    pub(super) fn new(star: &NewStar, counts: &mut StarCounts) -> Result<Self, Refused> {
         let inside = |what, value: f64, low: f64, high: f64| {
             let wanted = || format!("{low}..{high}");
-            let refused = || LayerError::Star { source_id: star.source_id, what, wanted: wanted(), got: value };
+            let refused = || {
+                Refused(format!(
+                    "source {source_id}: {what}: wanted {wanted}, got {value}",
+                    source_id = star.source_id,
+                    wanted = wanted()
+                ))
+            };
             if (low..=high).contains(&value) { Ok(value) } else { Err(refused()) }
         };
         let ra_rad = inside("right ascension, rad", star.ra_rad, 0.0, TAU)?;

@@ -8,9 +8,9 @@ use super::layout::{
     HEADER_BYTES, Header, LONGEST_CREDITS, NUMBER_BYTES, RECORD_BYTES, StarRecord, VERSION, VERSION_WITHOUT_NUMBERS,
     tiles_of,
 };
-use super::{error::LayerError, runs::new_file};
+use super::runs::new_file;
 use crate::numbering::Numbering;
-use base::{source_id::SourceId, unfinished};
+use base::{refused::Refused, source_id::SourceId, unfinished};
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -58,9 +58,9 @@ struct Unfinished {
 }
 
 impl Unfinished {
-    fn create(path: PathBuf) -> Result<(Self, File), LayerError> {
+    fn create(path: PathBuf) -> Result<(Self, File), Refused> {
         let registered = unfinished::Unfinished::register(&path);
-        let file = new_file(&path).map_err(LayerError::file("cannot make", &path))?;
+        let file = new_file(&path).map_err(Refused::file("cannot make", &path))?;
         Ok((Self { path, is_kept: false, _registered: registered }, file))
     }
 }
@@ -82,11 +82,11 @@ pub struct UnnamedLayer {
 
 impl UnnamedLayer {
     /// Gives the file its name.
-    pub fn name(mut self) -> Result<LayerReport, LayerError> {
+    pub fn name(mut self) -> Result<LayerReport, Refused> {
         let renamed = fs::rename(&self.unfinished.path, &self.report.path);
-        renamed.map_err(LayerError::file("cannot rename", &self.unfinished.path))?;
+        renamed.map_err(Refused::file("cannot rename", &self.unfinished.path))?;
         self.unfinished.is_kept = true;
-        sync_folder_of(&self.report.path).map_err(LayerError::file("cannot write the folder of", &self.report.path))?;
+        sync_folder_of(&self.report.path).map_err(Refused::file("cannot write the folder of", &self.report.path))?;
         Ok(self.report.clone())
     }
 }
@@ -125,14 +125,14 @@ pub struct LayerWriter {
 
 impl LayerWriter {
     /// Begins a layer with the credits that its head will have, and numbers where `has_numbers`.
-    pub fn create(path: &Path, order: u8, credits: &str, has_numbers: bool) -> Result<Self, LayerError> {
+    pub fn create(path: &Path, order: u8, credits: &str, has_numbers: bool) -> Result<Self, Refused> {
         if credits.len() > LONGEST_CREDITS {
             let (wanted, got) = (format!("at most {LONGEST_CREDITS} bytes"), format!("{}", credits.len()));
-            return Err(LayerError::Field { path: path.into(), field: "credits", wanted, got });
+            return Err(Refused::at(path, format_args!("credits: wanted {wanted}, got {got}")));
         }
         let (unfinished, mut file) = Unfinished::create(path.with_extension("part"))?;
         let head_bytes = head_bytes(order, credits.len(), has_numbers);
-        file.seek(SeekFrom::Start(head_bytes)).map_err(LayerError::file("cannot write", &unfinished.path))?;
+        file.seek(SeekFrom::Start(head_bytes)).map_err(Refused::file("cannot write", &unfinished.path))?;
         let tables = || Vec::with_capacity(tiles_of(order));
         let numbers = has_numbers.then(|| {
             let (unfinished, file) = Unfinished::create(path.with_extension("numbers.part"))?;
@@ -166,22 +166,22 @@ impl LayerWriter {
     }
 
     /// Appends the stars of one tile, brightest first; tiles come in rising order.
-    pub fn append_tile(&mut self, tile: u64, records: impl IntoIterator<Item = StarRecord>) -> Result<(), LayerError> {
+    pub fn append_tile(&mut self, tile: u64, records: impl IntoIterator<Item = StarRecord>) -> Result<(), Refused> {
         records.into_iter().try_for_each(|record| self.append(tile, record, 0))
     }
 
     /// Appends a star; tiles come in rising order, the stars of each brightest first. Its number is left out of a layer
     /// without numbers.
-    pub(super) fn append(&mut self, tile: u64, record: StarRecord, number: i64) -> Result<(), LayerError> {
+    pub(super) fn append(&mut self, tile: u64, record: StarRecord, number: i64) -> Result<(), Refused> {
         self.begin_tile(tile);
         self.fastest_mas_yr = self.fastest_mas_yr.max(record.speed_mas_yr());
         let record = record.to_bytes();
         self.crc.update(&record);
-        self.out.write_all(&record).map_err(LayerError::file("cannot write", &self.unfinished.path))?;
+        self.out.write_all(&record).map_err(Refused::file("cannot write", &self.unfinished.path))?;
         if let Some(numbers) = &mut self.numbers {
             let number = number.to_le_bytes();
             numbers.crc.update(&number);
-            numbers.out.write_all(&number).map_err(LayerError::file("cannot write", &numbers.unfinished.path))?;
+            numbers.out.write_all(&number).map_err(Refused::file("cannot write", &numbers.unfinished.path))?;
         }
         self.stars += 1;
         Ok(())
@@ -206,11 +206,11 @@ impl LayerWriter {
     }
 
     /// Writes the numbers and the head.
-    pub fn complete(mut self, head: &Head<'_>) -> Result<UnnamedLayer, LayerError> {
+    pub fn complete(mut self, head: &Head<'_>) -> Result<UnnamedLayer, Refused> {
         // The end of the last tile, and the number of stars as the first star of one more.
         self.begin_tile(tiles_of(self.order) as u64);
         let written = self.write_numbers().and_then(|()| self.write_head(head));
-        written.map_err(LayerError::file("cannot write", &self.unfinished.path))?;
+        written.map_err(Refused::file("cannot write", &self.unfinished.path))?;
         let per_star = RECORD_BYTES + if self.numbers.is_some() { NUMBER_BYTES } else { 0 };
         let before = head_bytes(self.order, head.credits.len(), self.numbers.is_some());
         let report = LayerReport {

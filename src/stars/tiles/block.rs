@@ -1,7 +1,8 @@
 //! The stars of one tile as frames want them: everything about a star that does not change from frame to frame.
 
-use crate::layer::{LayerError, LayerSet, TileId};
+use crate::layer::{LayerSet, TileId};
 use crate::numbering::stored_number;
+use base::refused::Refused;
 use base::source::{CatalogSource, ProperMotion};
 use core::fmt;
 use glam::DVec3;
@@ -62,7 +63,7 @@ impl Decoder {
     ///
     /// # Errors
     /// When the tile cannot be read or is damaged.
-    pub(super) fn read(&mut self, tile: TileId, block: &mut Vec<TileStar>) -> Result<(), LayerError> {
+    pub(super) fn read(&mut self, tile: TileId, block: &mut Vec<TileStar>) -> Result<(), Refused> {
         self.stars.clear();
         self.layers.read(tile, &mut self.bytes, &mut self.stars)?;
         block.clear();

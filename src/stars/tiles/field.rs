@@ -3,8 +3,8 @@
 use super::block::{Decoder, Light, TileStar};
 use super::reader::{Answer, Reader};
 use super::store::{MOST_TILES, Place, Store};
-use crate::layer::{LayerError, LayerSet, TileId};
-use base::source_id::SourceId;
+use crate::layer::{LayerSet, TileId};
+use base::{refused::Refused, source_id::SourceId};
 use core::ops::Range;
 use glam::DVec3;
 use std::sync::Arc;
@@ -110,7 +110,7 @@ impl TileSky {
     ///
     /// # Errors
     /// When a tile cannot be read or is damaged.
-    pub fn take_field(&mut self, axis: DVec3, radius_rad: f64) -> Result<Shortfall, LayerError> {
+    pub fn take_field(&mut self, axis: DVec3, radius_rad: f64) -> Result<Shortfall, Refused> {
         self.field += 1;
         self.take_answers()?;
         self.layers.tiles_of_cone(axis, radius_rad, &mut self.tiles);
@@ -137,7 +137,7 @@ impl TileSky {
     }
 
     /// Returns the field's tiles of one layer.
-    fn take_layer(&mut self, range: Range<usize>, shortfall: &mut Shortfall) -> Result<Fit, LayerError> {
+    fn take_layer(&mut self, range: Range<usize>, shortfall: &mut Shortfall) -> Result<Fit, Refused> {
         let mut places = core::mem::take(&mut self.places);
         places.clear();
         places.extend(self.tiles[range.clone()].iter().map(|tile| self.store.place(*tile)));
@@ -151,7 +151,7 @@ impl TileSky {
         range: Range<usize>,
         places: &[Option<Place>],
         shortfall: &mut Shortfall,
-    ) -> Result<Fit, LayerError> {
+    ) -> Result<Fit, Refused> {
         if self.reader.is_some() && !self.may_fit(&self.tiles[range.clone()], places) {
             return Ok(Fit::TooMany);
         }
@@ -206,7 +206,7 @@ impl TileSky {
     }
 
     /// Returns a tile of the present field that has this place in the store.
-    fn find(&mut self, tile: TileId, place: Option<Place>) -> Result<Found, LayerError> {
+    fn find(&mut self, tile: TileId, place: Option<Place>) -> Result<Found, Refused> {
         if let Some(Place::Held(slot)) = place {
             return Ok(Found::Slot(slot));
         }
@@ -258,13 +258,13 @@ impl TileSky {
     ///
     /// # Errors
     /// When a tile cannot be read or is damaged.
-    pub fn settle(&mut self) -> Result<usize, LayerError> {
+    pub fn settle(&mut self) -> Result<usize, Refused> {
         self.take_answers()?;
         Ok(self.store.asked())
     }
 
     /// Takes in what has been read.
-    fn take_answers(&mut self) -> Result<(), LayerError> {
+    fn take_answers(&mut self) -> Result<(), Refused> {
         let Some(reader) = &self.reader else { return Ok(()) };
         reader.begin(self.field);
         while let Some(Answer { tile, stars }) = reader.answer() {

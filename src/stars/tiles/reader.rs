@@ -6,7 +6,8 @@
 //! breaks down is known by [`Reader::is_lost`]: nothing is read from then on.
 
 use super::block::{Decoder, TileStar};
-use crate::layer::{LayerError, TileId};
+use crate::layer::TileId;
+use base::refused::Refused;
 use core::sync::atomic::{AtomicU64, Ordering};
 use crossbeam_channel::{Receiver, Sender, TryRecvError, bounded, select};
 use std::{sync::Arc, thread::JoinHandle};
@@ -29,7 +30,7 @@ struct Asked {
 pub(super) struct Answer {
     pub(super) tile: TileId,
     /// `None`: it was not read, being of no use any more.
-    pub(super) stars: Option<Result<Vec<TileStar>, LayerError>>,
+    pub(super) stars: Option<Result<Vec<TileStar>, Refused>>,
 }
 
 /// The thread's other end; the thread ends with it.

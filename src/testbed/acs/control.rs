@@ -6,11 +6,11 @@
 use super::interface::{AcsInput, AcsOutput, Command};
 use super::laws::{Gains, error_to_direction, gyroscopic, limited};
 use super::mode_logic::{Cause, Mode, ModeEvent, ModeLogic, Situation};
-use super::params::{AcsError, AcsParams};
+use super::params::AcsParams;
 use super::slew::{Leg, Reference, SlewLimits, SlewPath};
 use super::{avoidance::KeepOut, feedback_loop::FeedbackLoop, filter::StructuralFilter};
 use base::axes::{Body, Icrf, Rotation};
-use base::{time::Tai, units::DEG};
+use base::{refused::Refused, time::Tai, units::DEG};
 use core::f64::consts::TAU;
 use glam::DVec3;
 
@@ -37,11 +37,11 @@ impl Acs {
     ///
     /// # Errors
     /// Settings out of range.
-    pub fn new(params: AcsParams, at: Tai) -> Result<Self, AcsError> {
+    pub fn new(params: AcsParams, at: Tai) -> Result<Self, Refused> {
         params.check()?;
         let period_s = params.control_period.s();
         let make = |gains: &Gains, filter: StructuralFilter| {
-            let refused = || AcsError::Params { name: "filter", got: format!("{filter:?}"), wanted: "in range" };
+            let refused = || Refused(format!("attitude control: filter is {filter:?}, wanted in range"));
             Ok(FeedbackLoop::new(gains.of(&params.inertia_kg_m2), filter.section(period_s).ok_or_else(refused)?))
         };
         Ok(Self {
@@ -65,7 +65,7 @@ impl Acs {
     ///
     /// # Errors
     /// A target inside the keep-out cone; a slew without attitude, Sun (when there is a cone) or in a wrong mode.
-    pub fn command(&mut self, command: Command) -> Result<(), AcsError> {
+    pub fn command(&mut self, command: Command) -> Result<(), Refused> {
         match command {
             Command::Point(target) => {
                 self.check_target(&target)?;
@@ -147,28 +147,37 @@ impl Acs {
         self.target.filter(|target| is_fine && !self.is_far(&attitude, target)).unwrap_or(attitude)
     }
 
-    fn check_target(&self, target: &Rotation<Body, Icrf>) -> Result<(), AcsError> {
+    fn check_target(&self, target: &Rotation<Body, Icrf>) -> Result<(), Refused> {
         if !target.quat().is_finite() {
-            return Err(AcsError::TargetNotFinite);
+            return Err(Refused("target is not a finite quaternion".to_owned()));
         }
         if let (Some(cone), Some(sun)) = (&self.params.exclusion, self.sun_icrf) {
             let angle = cone.sun_angle_rad(target, sun);
             if angle < cone.half_angle_rad {
                 let least_deg = cone.half_angle_rad / DEG;
-                return Err(AcsError::TargetInKeepOut { sun_angle_deg: angle / DEG, least_deg });
+                return Err(Refused(format!(
+                    "target puts the boresight {sun_angle_deg:.2} deg from the Sun, wanted at least {least_deg:.2} deg",
+                    sun_angle_deg = angle / DEG
+                )));
             }
         }
         Ok(())
     }
 
-    fn slew_to(&self, target: &Rotation<Body, Icrf>) -> Result<SlewPath, AcsError> {
+    fn slew_to(&self, target: &Rotation<Body, Icrf>) -> Result<SlewPath, Refused> {
         let mode = self.mode_to_be();
         if !matches!(mode, Mode::CoarsePointing | Mode::FinePointing) {
-            return Err(AcsError::ModeMakesNoSlew { mode });
+            return Err(Refused(format!(
+                "slew refused in mode {mode:?}, wanted CoarsePointing or FinePointing; try Point, or Resume before"
+            )));
         }
-        let attitude = self.attitude.ok_or(AcsError::AttitudeUnknown)?;
+        let attitude =
+            self.attitude.ok_or_else(|| Refused("slew refused: no attitude is known; try later".to_owned()))?;
         if self.params.exclusion.is_some() && self.sun_icrf.is_none() {
-            return Err(AcsError::SunUnknown);
+            return Err(Refused(
+                "slew refused: the boresight must keep from the Sun, and no direction of the Sun came yet; try later"
+                    .to_owned(),
+            ));
         }
         self.check_target(target)?;
         Ok(self.planned(self.slew_start(attitude), target))

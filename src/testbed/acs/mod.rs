@@ -45,6 +45,6 @@ pub use interface::{AcsInput, AcsOutput, Command};
 pub use laws::Gains;
 pub use linear::PointingLoop;
 pub use mode_logic::{Cause, Mode, ModeEvent, Thresholds};
-pub use params::{AcsError, AcsParams, SafeParams, UnloadParams};
+pub use params::{AcsParams, SafeParams, UnloadParams};
 pub use pointing_error::{PointingNoise, PointingPrediction};
 pub use slew::{SlewLimits, SlewPath};

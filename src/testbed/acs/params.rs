@@ -1,8 +1,8 @@
 //! Parameters of the attitude control for its spacecraft, and the errors of bad ones.
 
-use super::mode_logic::{Mode, Thresholds};
+use super::mode_logic::Thresholds;
 use super::{avoidance::KeepOut, filter::StructuralFilter, laws::Gains, slew::SlewLimits};
-use base::time::Span;
+use base::{refused::Refused, time::Span};
 use glam::{DMat3, DVec3};
 
 /// Safe mode: a body axis to the Sun.
@@ -56,50 +56,12 @@ pub struct AcsParams {
     pub exclusion: Option<KeepOut>,
 }
 
-/// Why the attitude control refuses.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum AcsError {
-    /// A setting out of range.
-    #[error("attitude control: {name} is {got}, wanted {wanted}")]
-    Params {
-        /// Which setting.
-        name: &'static str,
-        /// Its value.
-        got: String,
-        /// The requirement.
-        wanted: &'static str,
-    },
-    /// A target that would point the kept boresight at the Sun.
-    #[error("target puts the boresight {sun_angle_deg:.2} deg from the Sun, wanted at least {least_deg:.2} deg")]
-    TargetInKeepOut {
-        /// Angle between boresight and Sun at the target, degrees.
-        sun_angle_deg: f64,
-        /// Half angle of the cone, degrees.
-        least_deg: f64,
-    },
-    /// A slew asked for before the Sun's direction is known.
-    #[error("slew refused: the boresight must keep from the Sun, and no direction of the Sun came yet; try later")]
-    SunUnknown,
-    /// A slew asked for without attitude.
-    #[error("slew refused: no attitude is known; try later")]
-    AttitudeUnknown,
-    /// A slew asked for in a mode that makes none.
-    #[error("slew refused in mode {mode:?}, wanted CoarsePointing or FinePointing; try Point, or Resume before")]
-    ModeMakesNoSlew {
-        /// The mode.
-        mode: Mode,
-    },
-    /// The quaternion of a target is not finite.
-    #[error("target is not a finite quaternion")]
-    TargetNotFinite,
-}
-
 impl AcsParams {
     /// Checks every setting.
     ///
     /// # Errors
     /// The first setting out of range.
-    pub fn check(&self) -> Result<(), AcsError> {
+    pub fn check(&self) -> Result<(), Refused> {
         let j = &self.inertia_kg_m2;
         let second = j.x_axis.x * j.y_axis.y - j.x_axis.y * j.y_axis.x;
         let positive_j = j.x_axis.x > 0.0 && second > 0.0 && j.determinant() > 0.0;
@@ -141,7 +103,7 @@ impl AcsParams {
         ]
     }
 
-    fn check_hysteresis(&self) -> Result<(), AcsError> {
+    fn check_hysteresis(&self) -> Result<(), Refused> {
         let t = &self.thresholds;
         let ordered = [
             ("rate_low_rad_s below rate_high_rad_s", t.rate_low_rad_s, t.rate_high_rad_s),
@@ -163,6 +125,6 @@ fn refuse_unless(
     name: &'static str,
     got: &dyn core::fmt::Debug,
     wanted: &'static str,
-) -> Result<(), AcsError> {
-    if good { Ok(()) } else { Err(AcsError::Params { name, got: format!("{got:?}"), wanted }) }
+) -> Result<(), Refused> {
+    if good { Ok(()) } else { Err(Refused(format!("attitude control: {name} is {got:?}, wanted {wanted}"))) }
 }

@@ -2,12 +2,12 @@
 
 use super::laws::{Gains, error_to_direction, limited};
 use super::mode_logic::{Cause, Mode};
-use super::params::{AcsError, AcsParams};
+use super::params::AcsParams;
 use super::test_body::{KEEP_OUT, PERIOD, TestBody, inertia, params, run, start};
 use super::{control::Acs, filter::StructuralFilter, interface::Command};
 use base::axes::{Body, Icrf, Rotation};
-use base::time::Span;
 use base::units::{ARCSEC, DEG};
+use base::{refused::Refused, time::Span};
 use core::f64::consts::{PI, TAU};
 use glam::DVec3;
 
@@ -189,10 +189,22 @@ fn impossible_commands_are_refused_with_a_reason() {
     let mut body = TestBody::new(DVec3::ZERO);
     let mut acs = Acs::new(AcsParams { exclusion: Some(KEEP_OUT), ..params() }, start()).expect("in range");
     let slew = Command::SlewTo(body.attitude.rotated_by(DVec3::X));
-    assert_eq!(acs.command(slew), Err(AcsError::ModeMakesNoSlew { mode: Mode::RateDamping }));
+    assert_eq!(
+        acs.command(slew),
+        Err(Refused(format!(
+            "slew refused in mode {mode:?}, wanted CoarsePointing or FinePointing; try Point, or Resume before",
+            mode = Mode::RateDamping
+        )))
+    );
     run(&mut acs, &mut body, 30.0, |_, _| {});
     assert_eq!(acs.mode(), Mode::FinePointing, "the first attitude is held");
-    assert_eq!(acs.command(slew), Err(AcsError::SunUnknown));
+    assert_eq!(
+        acs.command(slew),
+        Err(Refused(
+            "slew refused: the boresight must keep from the Sun, and no direction of the Sun came yet; try later"
+                .to_owned()
+        ))
+    );
     let Command::SlewTo(target) = slew else { unreachable!("made above") };
     body.sun = Some(target.inverse().apply(DVec3::new(0.1, 0.0, 1.0)));
     run(&mut acs, &mut body, 1.0, |_, _| {});
@@ -202,7 +214,7 @@ fn impossible_commands_are_refused_with_a_reason() {
     }
     body.tracker_works = false;
     run(&mut acs, &mut body, 0.3, |_, _| {});
-    assert_eq!(acs.command(slew), Err(AcsError::AttitudeUnknown));
+    assert_eq!(acs.command(slew), Err(Refused("slew refused: no attitude is known; try later".to_owned())));
     let bad = AcsParams { largest_torque_n_m: -1.0, ..params() };
     let error = Acs::new(bad, start()).expect_err("negative").to_string();
     assert!(error.contains("largest_torque_n_m is -1"), "{error}");
@@ -238,7 +250,13 @@ fn a_command_to_safe_mode_is_not_undone_by_the_next_one() {
     let mut acs = settled(params(), &mut body);
     let far = body.attitude.rotated_by(DVec3::X);
     acs.command(Command::Safe).expect("accepted");
-    assert_eq!(acs.command(Command::SlewTo(far)), Err(AcsError::ModeMakesNoSlew { mode: Mode::Safe }));
+    assert_eq!(
+        acs.command(Command::SlewTo(far)),
+        Err(Refused(format!(
+            "slew refused in mode {mode:?}, wanted CoarsePointing or FinePointing; try Point, or Resume before",
+            mode = Mode::Safe
+        )))
+    );
     acs.command(Command::Point(far)).expect("kept for later");
     let events = run(&mut acs, &mut body, 10.0, |_, output| assert_eq!(output.target, None, "follows no attitude"));
     assert_eq!((acs.mode(), events.len()), (Mode::Safe, 1));

@@ -7,8 +7,9 @@
 
 use super::covariance6::Covariance6;
 use super::history::{Estimate, Fix, History, Step, propagated};
-use super::params::{MekfParams, MekfParamsError};
+use super::params::MekfParams;
 use base::axes::{Body, Icrf, Rotation};
+use base::refused::Refused;
 use base::time::{Span, Tai};
 use glam::{DMat3, DVec3};
 
@@ -65,7 +66,7 @@ impl Mekf {
     ///
     /// # Errors
     /// Settings out of range.
-    pub fn new(params: MekfParams, start: Tai) -> Result<Self, MekfParamsError> {
+    pub fn new(params: MekfParams, start: Tai) -> Result<Self, Refused> {
         params.check()?;
         let attitude = DMat3::IDENTITY * params.initial_attitude_sigma_rad.powi(2);
         let after = fresh(&params, Rotation::IDENTITY, attitude);

@@ -23,4 +23,4 @@ mod tests;
 pub use covariance6::{Covariance6, Gain, Turn};
 pub use farrenkopf::{Farrenkopf, GyroNoise};
 pub use mekf::{Measured, Mekf, MekfCounts};
-pub use params::{MekfParams, MekfParamsError};
+pub use params::MekfParams;

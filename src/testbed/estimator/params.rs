@@ -1,6 +1,6 @@
 //! Parameters of the estimator: its gyro, its first guess and its measurements.
 
-use base::time::Span;
+use base::{refused::Refused, time::Span};
 use glam::DVec3;
 
 /// Settings of the estimator.
@@ -29,21 +29,12 @@ pub struct MekfParams {
     pub converged_sigma_rad: f64,
 }
 
-/// Settings that make no filter.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("estimator: {name} is {got}, wanted {wanted}")]
-pub struct MekfParamsError {
-    name: &'static str,
-    got: String,
-    wanted: &'static str,
-}
-
 impl MekfParams {
     /// Checks every setting.
     ///
     /// # Errors
     /// The first setting out of range.
-    pub fn check(&self) -> Result<(), MekfParamsError> {
+    pub fn check(&self) -> Result<(), Refused> {
         let not_negative = |v: DVec3| v.is_finite() && v.min_element() >= 0.0;
         let checks = [
             ("gyro_arw_rad_sqrt_s", not_negative(self.gyro_arw_rad_sqrt_s), self.gyro_arw_rad_sqrt_s.to_string()),
@@ -69,6 +60,6 @@ impl MekfParams {
     }
 }
 
-fn refuse_unless(good: bool, name: &'static str, got: &str, wanted: &'static str) -> Result<(), MekfParamsError> {
-    if good { Ok(()) } else { Err(MekfParamsError { name, got: got.into(), wanted }) }
+fn refuse_unless(good: bool, name: &'static str, got: &str, wanted: &'static str) -> Result<(), Refused> {
+    if good { Ok(()) } else { Err(Refused(format!("estimator: {name} is {got}, wanted {wanted}"))) }
 }

@@ -27,9 +27,9 @@ pub use table::{FileProfile, Profile};
 pub use talk::{CameraAnswers, TriggerAnswers};
 
 use crate::noise::Gaussian;
-use crate::vehicle::{Vehicle, VehicleError};
+use crate::vehicle::Vehicle;
 use base::time::{Span, Tai};
-use base::units::ARCSEC;
+use base::{refused::Refused, units::ARCSEC};
 use firmware_protocol::message::{
     AttitudeFlags, AttitudeRecord, CameraSetting, CameraTrigger, Heartbeat, JitterBurst, JitterPair, NodeState,
     Request, Scet, Sync, TimeFollowUp, Trigger,
@@ -113,7 +113,7 @@ pub enum FlightError {
     Link(#[from] LinkError),
     /// the vehicle cannot be flown on
     #[error("vehicle: {0}")]
-    Vehicle(#[from] VehicleError),
+    Vehicle(#[from] Refused),
 }
 
 /// Why a trigger is not sent.

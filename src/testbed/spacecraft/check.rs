@@ -5,9 +5,8 @@
 //! constant is at least two steps. `tests/refusals.rs` breaks every rule once.
 
 use super::equations::{COULOMB_SMOOTHING_RAD_S, reduced_inertia};
-use super::error::SpacecraftError;
 use super::params::{FlexibleMode, MODES_MAX, SpacecraftParams, WHEELS_MAX, WheelParams};
-use base::time::Span;
+use base::{refused::Refused, time::Span};
 use core::f64::consts::TAU;
 use glam::DMat3;
 
@@ -25,16 +24,20 @@ const STEP_LARGEST: Span = Span::from_ms(100);
 /// Returns the first thing that is wrong with `params`.
 ///
 /// # Errors
-/// See [`SpacecraftError`].
-pub(super) fn check(params: &SpacecraftParams) -> Result<(), SpacecraftError> {
+/// See [`Refused`].
+pub(super) fn check(params: &SpacecraftParams) -> Result<(), Refused> {
     if !is_inertia(params.inertia_kg_m2) {
-        return Err(SpacecraftError::Inertia { got: params.inertia_kg_m2 });
+        return Err(Refused(format!(
+            "inertia_kg_m2: wanted a symmetric, positive definite matrix whose principal moments obey the triangle \
+         inequality, got {got}",
+            got = params.inertia_kg_m2
+        )));
     }
     if params.wheels.len() > WHEELS_MAX {
-        return Err(SpacecraftError::TooManyWheels { got: params.wheels.len() });
+        return Err(Refused(format!("wheels: wanted at most {WHEELS_MAX}, got {got}", got = params.wheels.len())));
     }
     if params.modes.len() > MODES_MAX {
-        return Err(SpacecraftError::TooManyModes { got: params.modes.len() });
+        return Err(Refused(format!("modes: wanted at most {MODES_MAX}, got {got}", got = params.modes.len())));
     }
     for (index, wheel) in params.wheels.iter().enumerate() {
         check_wheel(index, wheel)?;
@@ -44,7 +47,9 @@ pub(super) fn check(params: &SpacecraftParams) -> Result<(), SpacecraftError> {
     }
     let reduced = reduced_inertia(params);
     if !is_positive_definite(reduced) {
-        return Err(SpacecraftError::TooStronglyCoupled { got: reduced });
+        return Err(Refused(format!(
+            "wheels and modes couple more inertia than the whole body has: inertia without them is {reduced} kg m^2"
+        )));
     }
     check_outside(params)?;
     check_step(params)
@@ -74,11 +79,15 @@ pub(super) fn within(
     got: f64,
     wanted: &'static str,
     is_good: bool,
-) -> Result<(), SpacecraftError> {
-    if got.is_finite() && is_good { Ok(()) } else { Err(SpacecraftError::OutOfRange { of, index, field, got, wanted }) }
+) -> Result<(), Refused> {
+    if got.is_finite() && is_good {
+        Ok(())
+    } else {
+        Err(Refused(format!("{of} {index}: {field} = {got}, wanted {wanted}")))
+    }
 }
 
-fn check_wheel(index: usize, wheel: &WheelParams) -> Result<(), SpacecraftError> {
+fn check_wheel(index: usize, wheel: &WheelParams) -> Result<(), Refused> {
     let check = |field, got: f64, wanted, is_good| within("wheel", index, field, got, wanted, is_good);
     let length = wheel.axis_body.length();
     check("length of axis_body", length, "more than 0", length > 0.0)?;
@@ -102,14 +111,14 @@ fn check_wheel(index: usize, wheel: &WheelParams) -> Result<(), SpacecraftError>
     Ok(())
 }
 
-fn check_mode(index: usize, mode: &FlexibleMode) -> Result<(), SpacecraftError> {
+fn check_mode(index: usize, mode: &FlexibleMode) -> Result<(), Refused> {
     let check = |field, got: f64, wanted, is_good| within("mode", index, field, got, wanted, is_good);
     check("frequency_hz", mode.frequency_hz, "more than 0", mode.frequency_hz > 0.0)?;
     check("damping", mode.damping, "0 or more and below 1", (0.0..1.0).contains(&mode.damping))?;
     check("length of coupling", mode.coupling.length(), "finite", true)
 }
 
-fn check_outside(params: &SpacecraftParams) -> Result<(), SpacecraftError> {
+fn check_outside(params: &SpacecraftParams) -> Result<(), Refused> {
     let disturbance = &params.disturbance;
     let walk = disturbance.random_walk_n_m_sqrt_s;
     within("disturbance", 0, "random_walk_n_m_sqrt_s", walk, "0 or more", walk >= 0.0)?;
@@ -135,7 +144,7 @@ fn check_outside(params: &SpacecraftParams) -> Result<(), SpacecraftError> {
     Ok(())
 }
 
-fn check_step(params: &SpacecraftParams) -> Result<(), SpacecraftError> {
+fn check_step(params: &SpacecraftParams) -> Result<(), Refused> {
     let (step_s, smallest_s) = (params.step.s(), STEP_SMALLEST.s());
     let modes = params.modes.iter().map(|mode| (MODE_STEP_RAD / (TAU * mode.frequency_hz), "a mode's frequency"));
     let wheels = params.wheels.iter().map(|wheel| {
@@ -145,7 +154,9 @@ fn check_step(params: &SpacecraftParams) -> Result<(), SpacecraftError> {
     let largest = [(STEP_LARGEST.s(), "the body")].into_iter().chain(modes).chain(wheels);
     for (largest_s, limited_by) in largest {
         if !(smallest_s..=largest_s).contains(&step_s) {
-            return Err(SpacecraftError::Step { step_s, smallest_s, largest_s, limited_by });
+            return Err(Refused(format!(
+                "step: {step_s} s, wanted at least {smallest_s} s and at most {largest_s} s for {limited_by}"
+            )));
         }
     }
     Ok(())

@@ -12,10 +12,10 @@
 //!
 //! `tests/gyro.rs`: Allan variance slopes with bounds, scale, quantisation, limits, faults.
 
-use super::{check::within, error::SpacecraftError};
+use super::check::within;
 use crate::noise::Gaussian;
 use base::axes::{Body, Icrf, Rotation};
-use base::time::Span;
+use base::{refused::Refused, time::Span};
 use glam::{DMat3, DVec3};
 
 /// Errors of a gyro triad. `Default`: none, and no limit set, which [`Gyro::new`] refuses.
@@ -80,7 +80,7 @@ impl Gyro {
     ///
     /// # Errors
     /// When a parameter is negative or not finite, or the largest rate is zero.
-    pub fn new(params: &GyroParams, seed: u64) -> Result<Self, SpacecraftError> {
+    pub fn new(params: &GyroParams, seed: u64) -> Result<Self, Refused> {
         check(params)?;
         let aligned = Rotation::<Body, Body>::from_rotation_vector(params.misalignment_rad).matrix();
         Ok(Self {
@@ -161,7 +161,7 @@ impl Gyro {
     }
 }
 
-fn check(params: &GyroParams) -> Result<(), SpacecraftError> {
+fn check(params: &GyroParams) -> Result<(), Refused> {
     for (field, got) in [
         ("angle_random_walk_rad_sqrt_s", params.angle_random_walk_rad_sqrt_s),
         ("rate_random_walk_rad_s_sqrt_s", params.rate_random_walk_rad_s_sqrt_s),

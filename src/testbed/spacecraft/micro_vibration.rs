@@ -15,7 +15,8 @@
 use super::check::{STEP_SMALLEST, check, within};
 use super::vibration_lines::{Line, Oscillator, lines};
 use super::{KEPT, entries_kept};
-use super::{error::SpacecraftError, free_modes::free_modes, history::History, params::SpacecraftParams};
+use super::{free_modes::free_modes, history::History, params::SpacecraftParams};
+use base::refused::Refused;
 use base::time::{Span, Tai};
 use core::f64::consts::TAU;
 use glam::DVec3;
@@ -51,10 +52,15 @@ impl MicroVibration {
     /// # Errors
     /// When the parameters are not physical, a mode has no damping (or is overdamped once free), or the period will not
     /// do.
-    pub fn new(params: &SpacecraftParams, start: Tai, period: Span, seed: u64) -> Result<Self, SpacecraftError> {
+    pub fn new(params: &SpacecraftParams, start: Tai, period: Span, seed: u64) -> Result<Self, Refused> {
         check(params)?;
         if period < STEP_SMALLEST || period > PERIOD_LARGEST {
-            return Err(SpacecraftError::Period { got: period, smallest: STEP_SMALLEST, largest: PERIOD_LARGEST });
+            return Err(Refused(format!(
+                "micro-vibration period: {} s, wanted at least {} s and at most {} s",
+                period.s(),
+                STEP_SMALLEST.s(),
+                PERIOD_LARGEST.s()
+            )));
         }
         let modes = free_modes(params);
         for (index, mode) in modes.iter().enumerate() {
@@ -104,9 +110,13 @@ impl MicroVibration {
     ///
     /// # Errors
     /// When `at` is not kept: about two seconds are.
-    pub fn sample(&self, at: Tai) -> Result<DVec3, SpacecraftError> {
+    pub fn sample(&self, at: Tai) -> Result<DVec3, Refused> {
         let (oldest, next) = (self.samples.oldest(), self.samples.next());
-        let outside = SpacecraftError::OutsideHistory { at, first: self.instant(oldest), last: self.time() };
+        let outside = Refused(format!(
+            "no truth kept for {at}: kept are {first} to {last}",
+            first = self.instant(oldest),
+            last = self.time()
+        ));
         if at < self.instant(oldest) || at > self.time() {
             return Err(outside);
         }

@@ -9,9 +9,10 @@
 //!
 //! `tests` hold conservation (1e-10 over 1000 s), order 4 of the method, closed forms and every refusal.
 
+use base::refused::Refused;
+
 mod check;
 mod equations;
-mod error;
 mod free_modes;
 mod gyro;
 mod history;
@@ -27,7 +28,6 @@ mod tests;
 
 pub use crate::attitude_truth::AttitudeTruth;
 pub use check::is_inertia;
-pub use error::SpacecraftError;
 pub use gyro::{Gyro, GyroFault, GyroParams, GyroReading};
 pub use micro_vibration::MicroVibration;
 pub use orbit::CircularOrbit;
@@ -80,14 +80,14 @@ impl Spacecraft {
     /// the torque.
     ///
     /// # Errors
-    /// When a parameter is not physical or the step too long: [`SpacecraftError`].
+    /// When a parameter is not physical or the step too long: [`Refused`].
     pub fn new(
         params: &SpacecraftParams,
         start: Tai,
         body_from_icrf: Rotation<Body, Icrf>,
         rate_rad_s: DVec3,
         seed: u64,
-    ) -> Result<Self, SpacecraftError> {
+    ) -> Result<Self, Refused> {
         check::check(params)?;
         check::within("body", 0, "length of rate_rad_s", rate_rad_s.length(), "finite", true)?;
         let equations = Equations::new(params, (start - params.orbit.epoch).s());
@@ -132,9 +132,9 @@ impl Spacecraft {
     ///
     /// # Errors
     /// When `at` is not kept.
-    pub fn attitude_at(&self, at: Tai) -> Result<AttitudeTruth, SpacecraftError> {
+    pub fn attitude_at(&self, at: Tai) -> Result<AttitudeTruth, Refused> {
         let (first, last) = (self.boundary(self.steps.oldest()), self.time());
-        let outside = SpacecraftError::OutsideHistory { at, first, last };
+        let outside = Refused(format!("no truth kept for {at}: kept are {first} to {last}"));
         if at < first || at > last {
             return Err(outside);
         }
@@ -189,10 +189,10 @@ impl Spacecraft {
     ///
     /// # Errors
     /// When the wheel does not exist.
-    pub fn fail_wheel(&mut self, index: usize) -> Result<(), SpacecraftError> {
+    pub fn fail_wheel(&mut self, index: usize) -> Result<(), Refused> {
         let count = self.equations.rotors.len();
         if index >= count {
-            return Err(SpacecraftError::NoSuchWheel { got: index, count });
+            return Err(Refused(format!("wheel {index}: wanted one of the {count}, counted from 0")));
         }
         self.motors.fail(index, &self.equations);
         Ok(())
@@ -203,7 +203,7 @@ impl Spacecraft {
     ///
     /// # Errors
     /// When a number is not finite or a frequency or a time negative.
-    pub fn add_test_torques(&mut self, torques: &[TestTorque]) -> Result<(), SpacecraftError> {
+    pub fn add_test_torques(&mut self, torques: &[TestTorque]) -> Result<(), Refused> {
         torques.iter().enumerate().try_for_each(|(index, torque)| torque.check(index))?;
         self.test_torques.extend_from_slice(torques);
         Ok(())

@@ -4,7 +4,8 @@
 //! decaying modes of the loop are hardly excited. As base jitter of amplitude `A` it is `a = J A w^2`: what a body left
 //! alone would turn by `A`. Test: `tests/closed_forms.rs`.
 
-use super::{check::within, error::SpacecraftError};
+use super::check::within;
+use base::refused::Refused;
 use core::f64::consts::{PI, TAU};
 use glam::DVec3;
 
@@ -32,7 +33,7 @@ impl TestTorque {
         self.amplitude_n_m * (ramp * (TAU * self.frequency_hz * since_s).sin())
     }
 
-    pub(super) fn check(&self, index: usize) -> Result<(), SpacecraftError> {
+    pub(super) fn check(&self, index: usize) -> Result<(), Refused> {
         let (of, wanted) = ("test torque", "finite and not negative");
         for (field, got) in [
             ("length of amplitude_n_m", self.amplitude_n_m.length()),

@@ -1,43 +1,5 @@
 //! Why a tracker cannot be made, and why a frame gave no attitude.
 
-/// Why a tracker's parameters or guide stars are refused.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum TrackerError {
-    /// A parameter is out of its range.
-    #[error("tracker parameter {name}: wanted {wanted}, got {got}")]
-    Parameter {
-        /// Its name, with unit.
-        name: &'static str,
-        /// Accepted values.
-        wanted: &'static str,
-        /// The value found.
-        got: f64,
-    },
-    /// The lens distortion cannot be undone inside the field.
-    #[error(
-        "tracker distortion k1, k2, p1, p2, k3 = {distortion:?}: wanted one that can be inverted at the image corner \
-         ({x_px}, {y_px}) px, got a fold there; refit it over the whole field"
-    )]
-    Distortion {
-        /// The coefficients.
-        distortion: [f64; 5],
-        /// Column of the corner, px.
-        x_px: f64,
-        /// Row of the corner, px.
-        y_px: f64,
-    },
-    /// The catalog has too few stars brighter than the limit to know a field by.
-    #[error("guide stars brighter than G {limiting_mag}: wanted at least {wanted}, got {got}; raise limiting_mag")]
-    TooFewGuideStars {
-        /// The limit asked for, Gaia G.
-        limiting_mag: f64,
-        /// Fewest that make sense.
-        wanted: usize,
-        /// How many there are.
-        got: usize,
-    },
-}
-
 /// Why a frame gave no attitude.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Reason {

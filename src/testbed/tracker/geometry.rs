@@ -13,7 +13,7 @@
 //! Newton's. Limit: the distortion must not fold inside the field ([`Geometry::check`]); directions far outside it may
 //! land on the image, so callers cut by [`Geometry::corner_rad`] first. Test: `distortion_round_trips`.
 
-use super::error::TrackerError;
+use base::refused::Refused;
 use glam::{DMat2, DVec2, DVec3};
 
 /// Newton steps of the inverse: each doubles the digits, and the start is good to a tenth.
@@ -117,12 +117,16 @@ impl Geometry {
 
     /// # Errors
     /// When the distortion cannot be inverted at a corner of the image.
-    pub fn check(&self) -> Result<(), TrackerError> {
+    pub fn check(&self) -> Result<(), Refused> {
         for corner in self.corners() {
             let back = self.pixel(self.direction(corner));
             if !back.is_some_and(|back| back.distance(corner) < 1e-6) {
                 let [x_px, y_px] = corner.to_array();
-                return Err(TrackerError::Distortion { distortion: self.distortion, x_px, y_px });
+                return Err(Refused(format!(
+                    "tracker distortion k1, k2, p1, p2, k3 = {distortion:?}: wanted one that can be inverted at the image corner \
+         ({x_px}, {y_px}) px, got a fold there; refit it over the whole field",
+                    distortion = self.distortion
+                )));
             }
         }
         Ok(())

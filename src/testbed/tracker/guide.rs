@@ -10,9 +10,9 @@
 //! `doubles_are_merged_or_left_out`, `proper_motion_is_carried`, `fields_have_pattern_stars`.
 
 use super::aberration::{apparent, earth_beta};
-use super::{blend::Blend, error::TrackerError, geometry::Geometry, pairs::PairIndex, params::TrackerParams};
+use super::{blend::Blend, geometry::Geometry, pairs::PairIndex, params::TrackerParams};
 use base::axes::{Icrf, Rotation, Sensor};
-use base::{source::CatalogSource, time::Tai, units::MAS};
+use base::{refused::Refused, source::CatalogSource, time::Tai, units::MAS};
 use core::f64::consts::PI;
 use glam::{DVec2, DVec3};
 use stars::catalog::Catalog;
@@ -73,13 +73,16 @@ impl GuideStars {
     ///
     /// # Errors
     /// When a parameter is out of range or the catalog has too few stars above the limiting magnitude.
-    pub fn new(catalog: &Catalog, params: &TrackerParams, epoch: Tai) -> Result<Self, TrackerError> {
+    pub fn new(catalog: &Catalog, params: &TrackerParams, epoch: Tai) -> Result<Self, Refused> {
         params.check()?;
         let years = epoch.years_since_j2000() + 2000.0 - catalog.index().epoch_yr;
         let mut stars = guide_stars(catalog, params, years);
         if stars.len() < FEWEST_GUIDE_STARS {
             let (wanted, got) = (FEWEST_GUIDE_STARS, stars.len());
-            return Err(TrackerError::TooFewGuideStars { limiting_mag: params.limiting_mag, wanted, got });
+            return Err(Refused(format!(
+                "guide stars brighter than G {limiting_mag}: wanted at least {wanted}, got {got}; raise limiting_mag",
+                limiting_mag = params.limiting_mag
+            )));
         }
         stars.sort_unstable_by(|a, b| a.mag_g.total_cmp(&b.mag_g).then(a.id.cmp(&b.id)));
         let corner_rad = params.geometry.corner_rad();

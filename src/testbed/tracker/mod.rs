@@ -38,7 +38,7 @@ pub use aberration::{apparent, earth_beta, uncorrected_turn};
 pub use adjust::MatchedStar;
 pub use centroid::Spot;
 pub use command::{CameraOrders, CameraWish, Exposed};
-pub use error::{Reason, TrackerError};
+pub use error::Reason;
 pub use errors::{AttitudePair, ErrorTerms, error_terms, predicted_nea_rad};
 pub use geometry::Geometry;
 pub use guide::{GuideStar, GuideStars};

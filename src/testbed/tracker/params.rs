@@ -2,7 +2,8 @@
 //!
 //! Checked once, by [`TrackerParams::check`], when the guide stars are made. Test: `bad_parameters_are_refused`.
 
-use super::{error::TrackerError, geometry::Geometry};
+use super::geometry::Geometry;
+use base::refused::Refused;
 
 /// Detector figures from the tracker's calibration.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -75,7 +76,7 @@ impl TrackerParams {
 
     /// # Errors
     /// The first parameter that is out of range.
-    pub fn check(&self) -> Result<(), TrackerError> {
+    pub fn check(&self) -> Result<(), Refused> {
         let (g, d) = (&self.geometry, &self.detector);
         let checks = [
             ("width_px", "32..=16384", g.width_px as f64, 32.0, 16384.0),
@@ -100,7 +101,7 @@ impl TrackerParams {
         ];
         for (name, wanted, got, low, high) in checks {
             if !(low..=high).contains(&got) {
-                return Err(TrackerError::Parameter { name, wanted, got });
+                return Err(Refused(format!("tracker parameter {name}: wanted {wanted}, got {got}")));
             }
         }
         g.check()

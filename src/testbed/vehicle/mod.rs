@@ -24,52 +24,23 @@ pub use outside::OutsideError;
 pub use params::{HeadParams, VehicleParams};
 pub use telemetry::{ROW_BYTES, Telemetry, TelemetryRow};
 
-use crate::acs::{Acs, AcsError, AcsInput, AcsOutput, Command, Mode};
-use crate::estimator::{Mekf, MekfCounts, MekfParamsError};
+use crate::acs::{Acs, AcsInput, AcsOutput, Command, Mode};
+use crate::estimator::{Mekf, MekfCounts};
 use crate::spacecraft::{
-    AttitudeTruth, CircularOrbit, Gyro, GyroFault, MicroVibration, Spacecraft, SpacecraftError, SunSensor,
-    sun_direction_icrf,
+    AttitudeTruth, CircularOrbit, Gyro, GyroFault, MicroVibration, Spacecraft, SunSensor, sun_direction_icrf,
 };
-use crate::tracker::{CameraWish, Exposed, GuideStars, Outcome, Solution, TrackerError, TrackerParams, earth_beta};
+use crate::tracker::{CameraWish, Exposed, GuideStars, Outcome, Solution, TrackerParams, earth_beta};
 use base::axes::{Body, Icrf, Rotation};
-use base::time::{Span, Tai};
-use base::{image::DnImage, units::DEG};
+use base::time::Tai;
+use base::{image::DnImage, refused::Refused, units::DEG};
 use glam::DVec3;
 use head::{BodyAttitude, Head};
 use outside::Drive;
-use stars::catalog::{Catalog, CatalogError};
+use stars::catalog::Catalog;
 use std::{collections::VecDeque, sync::Arc};
 
 /// Speed of light, m/s (exact).
 const LIGHT_M_S: f64 = 299_792_458.0;
-
-/// Why a vehicle cannot be made or go on.
-#[derive(Debug, thiserror::Error)]
-pub enum VehicleError {
-    /// the spacecraft
-    #[error("spacecraft: {0}")]
-    Spacecraft(#[from] SpacecraftError),
-    /// the estimator
-    #[error(transparent)]
-    Estimator(#[from] MekfParamsError),
-    /// the control
-    #[error(transparent)]
-    Acs(#[from] AcsError),
-    /// a tracker
-    #[error(transparent)]
-    Tracker(#[from] TrackerError),
-    /// the catalog
-    #[error("catalog: {0}")]
-    Catalog(#[from] CatalogError),
-    /// the control period
-    #[error("control period {} ms: wanted a whole number of the spacecraft's steps of {} ms", control.ms(), step.ms())]
-    Period {
-        /// Control period.
-        control: Span,
-        /// Integration step.
-        step: Span,
-    },
-}
 
 /// A vehicle in flight.
 #[derive(Debug)]
@@ -109,24 +80,30 @@ impl Vehicle {
     ///
     /// # Errors
     /// The first parameter that cannot be flown.
-    pub fn new(params: VehicleParams, start: Tai) -> Result<Self, VehicleError> {
+    pub fn new(params: VehicleParams, start: Tai) -> Result<Self, Refused> {
         let (control, step) = (params.acs.control_period, params.spacecraft.step);
         if step.ns() <= 0 || control.ns() < step.ns() || control.ns() % step.ns() != 0 {
-            return Err(VehicleError::Period { control, step });
+            return Err(Refused(format!(
+                "control period {} ms: wanted a whole number of the spacecraft's steps of {} ms",
+                control.ms(),
+                step.ms()
+            )));
         }
         let seed = |stream: u64| params.seed.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(stream);
         let rate = params.initial_rate_rad_s;
-        let mut spacecraft = Spacecraft::new(&params.spacecraft, start, params.initial, rate, seed(1))?;
-        spacecraft.add_test_torques(&params.test_torques)?;
+        let mut spacecraft =
+            Spacecraft::new(&params.spacecraft, start, params.initial, rate, seed(1)).map_err(of_spacecraft)?;
+        spacecraft.add_test_torques(&params.test_torques).map_err(of_spacecraft)?;
         let vibration = params
             .vibration_period
             .map(|period| MicroVibration::new(&params.spacecraft, start, period, seed(2)))
-            .transpose()?;
+            .transpose()
+            .map_err(of_spacecraft)?;
         let mut acs = Acs::new(params.acs, start)?;
         keep_out_holds(&params, start)?;
         acs.command(Command::Point(params.target))?;
         Ok(Self {
-            gyro: Gyro::new(&params.gyro, seed(3))?,
+            gyro: Gyro::new(&params.gyro, seed(3)).map_err(of_spacecraft)?,
             sun_sensor: SunSensor::new(params.sun_sensor_noise_rad, seed(4)),
             orbit: CircularOrbit::new(&params.spacecraft.orbit),
             estimator: Mekf::new(params.estimator, start)?,
@@ -160,17 +137,17 @@ impl Vehicle {
     ///
     /// # Errors
     /// When `at` is outside.
-    pub fn truth(&mut self, at: Tai) -> Result<AttitudeTruth, VehicleError> {
+    pub fn truth(&mut self, at: Tai) -> Result<AttitudeTruth, Refused> {
         self.fly_to(at);
-        Ok(self.spacecraft.attitude_at(at)?)
+        self.spacecraft.attitude_at(at).map_err(of_spacecraft)
     }
 
     /// Returns the same of what has been flown already: looking changes nothing. At most a bus record's time behind.
     ///
     /// # Errors
     /// When `at` is outside.
-    pub fn flown_truth(&self, at: Tai) -> Result<AttitudeTruth, VehicleError> {
-        Ok(self.spacecraft.attitude_at(at)?)
+    pub fn flown_truth(&self, at: Tai) -> Result<AttitudeTruth, Refused> {
+        self.spacecraft.attitude_at(at).map_err(of_spacecraft)
     }
 
     /// Returns the instant until which the motion has been flown.
@@ -183,14 +160,14 @@ impl Vehicle {
     ///
     /// # Errors
     /// When `at` is more than about two seconds ago.
-    pub fn vibration(&mut self, at: Tai) -> Result<DVec3, VehicleError> {
+    pub fn vibration(&mut self, at: Tai) -> Result<DVec3, Refused> {
         self.fly_to(at);
         let speeds = self.spacecraft.wheel_speeds_rad_s();
         let Some(vibration) = self.vibration.as_mut() else { return Ok(DVec3::ZERO) };
         let Some(period) = self.params.vibration_period else { return Ok(DVec3::ZERO) };
         // A sample further, so that any instant lies between two.
         vibration.advance_to(at + period, speeds);
-        let sample = vibration.sample(at)?;
+        let sample = vibration.sample(at).map_err(of_spacecraft)?;
         self.largest_vibration_rad = self.largest_vibration_rad.max(sample.length());
         Ok(sample)
     }
@@ -231,7 +208,7 @@ impl Vehicle {
     ///
     /// # Errors
     /// When the motion left what can be integrated.
-    pub fn act(&mut self) -> Result<(), VehicleError> {
+    pub fn act(&mut self) -> Result<(), Refused> {
         let at = self.next_due();
         let truth = self.truth(at)?;
         self.sense(at, &truth);
@@ -258,7 +235,7 @@ impl Vehicle {
     ///
     /// # Errors
     /// When the control refuses it.
-    pub fn command(&mut self, command: Command) -> Result<(), VehicleError> {
+    pub fn command(&mut self, command: Command) -> Result<(), Refused> {
         self.acs.command(command)?;
         match command {
             Command::Safe => self.safe_by_command = true,
@@ -275,11 +252,11 @@ impl Vehicle {
     ///
     /// # Errors
     /// When the wheel does not exist.
-    pub fn inject(&mut self, fault: VehicleFault) -> Result<(), VehicleError> {
+    pub fn inject(&mut self, fault: VehicleFault) -> Result<(), Refused> {
         self.faults.begin(&fault);
         match fault {
             VehicleFault::GyroBiasJump(jump) => self.gyro.inject(GyroFault::BiasJump(jump)),
-            VehicleFault::WheelFailure(wheel) => self.spacecraft.fail_wheel(wheel)?,
+            VehicleFault::WheelFailure(wheel) => self.spacecraft.fail_wheel(wheel).map_err(of_spacecraft)?,
             VehicleFault::TrackerOff(head) => self.switch_heads(head, true),
             VehicleFault::GyroDropout | VehicleFault::GyroStuck | VehicleFault::GyroSpike(_) => {}
         }
@@ -490,20 +467,26 @@ impl Vehicle {
     }
 }
 
+fn of_spacecraft(why: Refused) -> Refused {
+    Refused(format!("spacecraft: {why}"))
+}
+
 /// Checks the first target against the Sun: the control does not know the Sun before its first step.
-fn keep_out_holds(params: &VehicleParams, start: Tai) -> Result<(), AcsError> {
+fn keep_out_holds(params: &VehicleParams, start: Tai) -> Result<(), Refused> {
     let Some(cone) = params.acs.exclusion else { return Ok(()) };
     let angle_rad = cone.sun_angle_rad(&params.target, sun_direction_icrf(start));
     if angle_rad >= cone.half_angle_rad {
         return Ok(());
     }
     let (sun_angle_deg, least_deg) = (angle_rad / DEG, cone.half_angle_rad / DEG);
-    Err(AcsError::TargetInKeepOut { sun_angle_deg, least_deg })
+    Err(Refused(format!(
+        "target puts the boresight {sun_angle_deg:.2} deg from the Sun, wanted at least {least_deg:.2} deg"
+    )))
 }
 
 /// Returns the heads; equal trackers share one list of guide stars.
-fn heads(params: &VehicleParams, start: Tai) -> Result<Vec<Head>, VehicleError> {
-    let catalog = Catalog::built_in()?;
+fn heads(params: &VehicleParams, start: Tai) -> Result<Vec<Head>, Refused> {
+    let catalog = Catalog::built_in().map_err(|why| Refused(format!("catalog: {why}")))?;
     let mut guides: Vec<(TrackerParams, Arc<GuideStars>)> = Vec::new();
     let mut heads = Vec::with_capacity(params.heads.len());
     for head in &params.heads {

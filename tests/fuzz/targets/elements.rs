@@ -3,9 +3,10 @@
 
 #![no_main]
 
+use base::refused::Refused;
 use base::time::{Span, Tai};
 use libfuzzer_sys::fuzz_target;
-use sky::{ObserverError, orbit::TleOrbit};
+use sky::orbit::TleOrbit;
 use starloop_fuzz::{Input, control};
 
 /// Elements of the documentation of the two-line format (International Space Station, 2008).
@@ -52,7 +53,7 @@ fuzz_target!(|bytes: &[u8]| {
 });
 
 /// Returns the orbit or the error of a reader, and a state of the orbit.
-fn read(text: &str, at: Tai, parse: impl Fn(&str) -> Result<TleOrbit, ObserverError>) -> Option<TleOrbit> {
+fn read(text: &str, at: Tai, parse: impl Fn(&str) -> Result<TleOrbit, Refused>) -> Option<TleOrbit> {
     let mut parsed = None;
     let memory = allocation_counter::measure(|| parsed = Some(parse(text)));
     let most = MEMORY_PER_BYTE * text.len() as u64 + MEMORY_BESIDE;

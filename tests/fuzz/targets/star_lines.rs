@@ -2,10 +2,11 @@
 
 #![no_main]
 
+use base::refused::Refused;
 use flate2::{Compression, write::GzEncoder};
+use imports::published::add_bright;
 use imports::published::bright::BrightStars;
 use imports::published::gaia::{self, Names};
-use imports::published::{ImportError, add_bright};
 use libfuzzer_sys::fuzz_target;
 use starloop_fuzz::{Input, control, scratch};
 use stars::layer::Sorting;
@@ -74,7 +75,7 @@ fn read_gaia(text: &[u8], form: u8, length: u8) -> Read {
 }
 
 /// Compares the counts with the lines.
-fn counted(text: &[u8], done: Result<u64, ImportError>, sorting: &Sorting) -> Read {
+fn counted(text: &[u8], done: Result<u64, Refused>, sorting: &Sorting) -> Read {
     let rows = done.map_err(|error| shown(&error))?;
     let counts = sorting.counts();
     let left_out =
@@ -96,7 +97,7 @@ fn lines(text: &[u8]) -> impl Iterator<Item = &[u8]> + Clone {
     lines.filter(|line| !line.is_empty())
 }
 
-fn shown(error: &ImportError) -> String {
+fn shown(error: &Refused) -> String {
     let shown = error.to_string();
     assert!(shown.contains("stars.") && shown.len() < 2000, "{shown}");
     shown

@@ -4,8 +4,9 @@
 
 use crate::gpu::passes::{ComputePass, WORKGROUP, grid};
 use crate::gpu::{DeviceElectrons, GpuDevice, GpuError, shader};
-use crate::render::{Backend, RenderError};
+use crate::render::Backend;
 use crate::{gpu::buffers::GrowableBuffer, gpu::readback::ReadbackRing, render::gpu::Gpu, render::overlap::Apart};
+use base::refused::Refused;
 use bytemuck::{Pod, Zeroable};
 use plan::exposure::ExposurePlan;
 
@@ -57,7 +58,7 @@ impl Brighter {
     ///
     /// # Errors
     /// When the device failed.
-    pub fn render(&mut self, backend: &mut Gpu, plan: &ExposurePlan, apart: &mut Apart) -> Result<(), RenderError> {
+    pub fn render(&mut self, backend: &mut Gpu, plan: &ExposurePlan, apart: &mut Apart) -> Result<(), Refused> {
         backend.render(apart.stars_of(plan))?;
         let gpu = std::sync::Arc::clone(backend.device());
         let drawn = backend.device_electrons();

@@ -25,9 +25,9 @@ use crate::gpu::{DeviceElectrons, Electrons, GpuDevice, GpuError, shader};
 use crate::gpu::{buffers::GrowableBuffer, readback::ReadbackRing, texture::TableTexture};
 use crate::render::erf::{ERF_CLAMP, ERF_P, ERF_Q};
 use crate::render::table::{Form, PsfTable};
-use crate::render::{Backend, RenderError, check_kernel, check_sampling};
+use crate::render::{Backend, check_kernel, check_sampling};
 use crate::{render::plan_tables::PlanTables, render::whole::WholeImage};
-use base::image::Image;
+use base::{image::Image, refused::Refused};
 use bytemuck::{Pod, Zeroable};
 use chunks::Chunks;
 use core::ops::Range;
@@ -98,7 +98,7 @@ impl Gpu {
     ///
     /// # Errors
     /// When the device refuses the shaders or an image of this size.
-    pub fn new(gpu: Arc<GpuDevice>, width_px: usize, height_px: usize) -> Result<Self, RenderError> {
+    pub fn new(gpu: Arc<GpuDevice>, width_px: usize, height_px: usize) -> Result<Self, Refused> {
         Ok(Self {
             resources: Resources::new(&gpu)?,
             image: DeviceElectrons::new(&gpu, width_px, height_px)?,
@@ -133,7 +133,7 @@ impl Gpu {
     ///
     /// # Errors
     /// When the device failed or `out` has another size.
-    pub fn read_electrons(&mut self, out: &mut Image<f32>) -> Result<(), RenderError> {
+    pub fn read_electrons(&mut self, out: &mut Image<f32>) -> Result<(), Refused> {
         let ring = readback(&mut self.readback, &self.gpu, &self.image)?;
         Ok(self.image.read(&self.gpu, ring, out)?)
     }
@@ -142,7 +142,7 @@ impl Gpu {
     ///
     /// # Errors
     /// When the device failed or `out` has another size.
-    pub fn read_image(&mut self, image: &DeviceElectrons, out: &mut Image<f32>) -> Result<(), RenderError> {
+    pub fn read_image(&mut self, image: &DeviceElectrons, out: &mut Image<f32>) -> Result<(), Refused> {
         let ring = readback(&mut self.readback, &self.gpu, image)?;
         Ok(image.read(&self.gpu, ring, out)?)
     }
@@ -318,7 +318,7 @@ impl Backend for Gpu {
         self.gpu.description()
     }
 
-    fn render(&mut self, plan: &ExposurePlan) -> Result<(), RenderError> {
+    fn render(&mut self, plan: &ExposurePlan) -> Result<(), Refused> {
         check_kernel(plan)?;
         check_sampling(plan, false)?;
         Ok(self.submit(plan)?)
@@ -384,19 +384,19 @@ impl Resources {
     }
 }
 
-impl From<GpuError> for RenderError {
+impl From<GpuError> for Refused {
     fn from(error: GpuError) -> Self {
         match error {
             GpuError::NoAdapter { .. } | GpuError::NoDevice { .. } | GpuError::CpuOnly { .. } => {
-                Self::NoGpu(error.to_string())
+                Refused(format!("no GPU backend: {error}"))
             }
-            GpuError::TooLarge { what, got, most } => Self::TooLarge {
-                what,
-                got: usize::try_from(got).unwrap_or(usize::MAX),
-                most: usize::try_from(most).unwrap_or(usize::MAX),
-            },
-            GpuError::Failed(message) => Self::Device(message),
-            GpuError::Size { .. } => Self::Device(error.to_string()),
+            GpuError::TooLarge { what, got, most } => Refused(format!(
+                "{what}: got {got}, the device takes at most {most}; lower the limiting magnitude or use the CPU backend",
+                got = usize::try_from(got).unwrap_or(usize::MAX),
+                most = usize::try_from(most).unwrap_or(usize::MAX)
+            )),
+            GpuError::Failed(message) => Refused(format!("the GPU failed while drawing: {message}")),
+            GpuError::Size { .. } => Refused(format!("the GPU failed while drawing: {error}")),
         }
     }
 }

@@ -5,8 +5,8 @@
 //! takes any value. Limit: the visible part is computed from the map itself, which is a guess beyond the dots and wrong
 //! far away from them. Tests below.
 
-use super::error::CalibrationError;
 use crate::display::geometry::DisplayGeometry;
+use base::refused::Refused;
 use sky::astrometry::CameraGeometry;
 
 /// Least share of what the tracker sees of the display that must lie within the outermost dots. A grid that fills a
@@ -36,9 +36,17 @@ pub fn coverage(geometry: &DisplayGeometry, tracker: &CameraGeometry) -> f64 {
 ///
 /// # Errors
 /// When it is below [`LEAST_COVERAGE`].
-pub(super) fn enough(geometry: &DisplayGeometry, tracker: &CameraGeometry) -> Result<f64, CalibrationError> {
+pub(super) fn enough(geometry: &DisplayGeometry, tracker: &CameraGeometry) -> Result<f64, Refused> {
     let got = coverage(geometry, tracker);
-    if got >= LEAST_COVERAGE { Ok(got) } else { Err(CalibrationError::Coverage { wanted: LEAST_COVERAGE, got }) }
+    if got >= LEAST_COVERAGE {
+        Ok(got)
+    } else {
+        Err(Refused(format!(
+            "the dots fitted to enclose {:.0} % of what the tracker sees of the display: wanted at least {:.0} %, as the map is a guess beyond them; measure the dots of the other parts too, or plan more of them with a smaller margin",
+            100.0 * got,
+            100.0 * LEAST_COVERAGE
+        )))
+    }
 }
 
 #[cfg(test)]

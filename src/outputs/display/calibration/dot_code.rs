@@ -4,7 +4,8 @@
 //! image with all dots carries bit k when the image of bit k has a centroid at the same place. One bit read wrong
 //! spoils the parity, and a number read twice names neither: such centroids are left out and counted. Tests below.
 
-use super::error::CalibrationError;
+use crate::display::calibration::error;
+use base::refused::Refused;
 
 /// Share of the median distance between neighbours within which two centroids are the same dot.
 const SAME_PLACE: f64 = 0.25;
@@ -29,11 +30,11 @@ fn number(code: usize, count: usize) -> Option<usize> {
 ///
 /// # Errors
 /// When an image is missing.
-pub fn numbers(all: &[[f64; 2]], bits: &[Vec<[f64; 2]>], count: usize) -> Result<Vec<Option<usize>>, CalibrationError> {
+pub fn numbers(all: &[[f64; 2]], bits: &[Vec<[f64; 2]>], count: usize) -> Result<Vec<Option<usize>>, Refused> {
     let wanted = bits_of(count) as usize;
     if let Some(bit) = (0..wanted).find(|bit| bits.get(*bit).is_none_or(Vec::is_empty)) {
         let got = format!("no centroid of dots_bit_{bit}");
-        return Err(CalibrationError::NotAMap { wanted: "centroids of every image of dots", got });
+        return Err(error::not_a_map("centroids of every image of dots", got));
     }
     let near = SAME_PLACE * neighbour_distance(all);
     let is_at = |places: &[[f64; 2]], at: &[f64; 2]| places.iter().any(|place| distance(place, at) <= near);

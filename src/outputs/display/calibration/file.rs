@@ -6,13 +6,14 @@
 //! tracker: each error says what was wanted, what was found, and what to do. Tests: `file_tests`.
 
 use super::identity::{DisplayIdentity, TrackerIdentity, same_display, same_tracker};
-use super::{error::CalibrationError, plan::Plan};
+use super::plan::Plan;
+use crate::display::calibration::error;
 use crate::display::flat_field::{FlatField, FlatParameters};
 use crate::display::geometry::{DisplayGeometry, GeometryParameters};
 use crate::display::response::{Response, ResponseParameters};
 use crate::display::{dither::Dither, drive::DisplayDrive, latency::Latency};
 use base::input_file::{DATA_BYTES, read_text};
-use base::{time::Tai, units::DAY_S};
+use base::{refused::Refused, time::Tai, units::DAY_S};
 use frames::sink::{crc32::Crc32, write_file_atomically};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -124,16 +125,15 @@ impl Calibrated {
 
 impl Calibration {
     /// Returns its content as text, without the check sum.
-    fn content(&self) -> Result<String, CalibrationError> {
-        toml::to_string(self)
-            .map_err(|error| CalibrationError::File { path: "calibration".into(), reason: error.to_string() })
+    fn content(&self) -> Result<String, Refused> {
+        toml::to_string(self).map_err(|error| Refused::at("calibration", error))
     }
 
     /// Returns the check sum of its content.
     ///
     /// # Errors
     /// When the content cannot be written as TOML.
-    pub fn sum(&self) -> Result<String, CalibrationError> {
+    pub fn sum(&self) -> Result<String, Refused> {
         let mut crc = Crc32::default();
         crc.update(self.content()?.as_bytes());
         Ok(format!("{:08x}", crc.value()))
@@ -143,9 +143,9 @@ impl Calibration {
     ///
     /// # Errors
     /// When it cannot be written.
-    pub fn write(&self, path: &Path) -> Result<(), CalibrationError> {
+    pub fn write(&self, path: &Path) -> Result<(), Refused> {
         let text = format!("{SUM} = \"{}\"\n{}", self.sum()?, self.content()?);
-        write_file_atomically(path, |out| out.write_all(text.as_bytes()))?;
+        write_file_atomically(path, |out| out.write_all(text.as_bytes())).map_err(Refused::of)?;
         Ok(())
     }
 
@@ -153,10 +153,9 @@ impl Calibration {
     ///
     /// # Errors
     /// When it cannot be read, is not a calibration, or was changed since it was written.
-    pub fn read(path: &Path) -> Result<Self, CalibrationError> {
-        let refuse = |reason: &str| CalibrationError::File {
-            path: path.into(),
-            reason: format!("no calibration that can be used: {}", reason.trim().replace('\n', "; ")),
+    pub fn read(path: &Path) -> Result<Self, Refused> {
+        let refuse = |reason: &str| {
+            error::file(path, format!("no calibration that can be used: {}", reason.trim().replace('\n', "; ")))
         };
         let text = read_text(path, DATA_BYTES).map_err(|error| refuse(&error.to_string()))?;
         let mut table: toml::Table = toml::from_str(&text).map_err(|error| refuse(error.message()))?;
@@ -169,7 +168,12 @@ impl Calibration {
         let calibration: Self = table.try_into().map_err(|error: toml::de::Error| refuse(error.message()))?;
         let wanted = calibration.sum()?;
         if got != wanted {
-            return Err(CalibrationError::Damaged { path: path.into(), wanted, got });
+            return Err(Refused::at(
+                path,
+                format_args!(
+                    "damaged or edited: wanted the check sum {wanted} of its content, got {got}; calibrate again, or fetch the original"
+                ),
+            ));
         }
         calibration.calibrated()?;
         Ok(calibration)
@@ -179,12 +183,7 @@ impl Calibration {
     ///
     /// # Errors
     /// The first part that does not match.
-    pub fn admit(
-        &self,
-        display: &DisplayIdentity,
-        tracker: Option<&TrackerIdentity>,
-        now: Tai,
-    ) -> Result<(), CalibrationError> {
+    pub fn admit(&self, display: &DisplayIdentity, tracker: Option<&TrackerIdentity>, now: Tai) -> Result<(), Refused> {
         same_display(&self.measured_utc, display, &self.display)?;
         if let Some(tracker) = tracker {
             same_tracker(&self.measured_utc, tracker, &self.tracker)?;
@@ -196,20 +195,20 @@ impl Calibration {
     ///
     /// # Errors
     /// Both sums.
-    pub fn admit_plan(&self, plan: &Plan) -> Result<(), CalibrationError> {
+    pub fn admit_plan(&self, plan: &Plan) -> Result<(), Refused> {
         let (wanted, got) = (plan.crc32(), self.plan_crc32.clone());
         if wanted == got {
             return Ok(());
         }
         let what = "plan (display, dots, ramp or tracker were changed since)";
-        Err(CalibrationError::Mismatch { measured_utc: self.measured_utc.clone(), what, wanted, got })
+        Err(error::mismatch(&self.measured_utc, what, wanted, got))
     }
 
     /// Days since its measurements.
     ///
     /// # Errors
     /// When its date is none.
-    pub fn age_days(&self, now: Tai) -> Result<f64, CalibrationError> {
+    pub fn age_days(&self, now: Tai) -> Result<f64, Refused> {
         age_days(&self.measured_utc, now)
     }
 
@@ -217,33 +216,34 @@ impl Calibration {
     ///
     /// # Errors
     /// When a number is out of range.
-    pub fn calibrated(&self) -> Result<Calibrated, CalibrationError> {
+    pub fn calibrated(&self) -> Result<Calibrated, Refused> {
         let size_px = self.display.size_px();
         if size_px.iter().any(|side| !(1..=crate::display::geometry::LARGEST_SIDE_PX).contains(side)) {
-            let (wanted, got) = ("1 to 16384".into(), format!("{} x {}", size_px[0], size_px[1]));
-            return Err(CalibrationError::Plan { name: "display size", wanted, got });
+            let (wanted, got) = ("1 to 16384", format!("{} x {}", size_px[0], size_px[1]));
+            return Err(Refused(format!("display plan: display size wanted {wanted}, got {got}")));
         }
         Ok(Calibrated {
-            geometry: DisplayGeometry::new(&self.geometry, size_px)?,
+            geometry: DisplayGeometry::new(&self.geometry, size_px).map_err(error::not_a_camera)?,
             response: Response::new(self.response.clone())?,
-            flat: FlatField::new(self.flat.clone(), size_px).map_err(CalibrationError::Flat)?,
+            flat: FlatField::new(self.flat.clone(), size_px).map_err(|e| Refused(format!("flat field: {e}")))?,
         })
     }
 }
 
-fn age_days(measured_utc: &str, now: Tai) -> Result<f64, CalibrationError> {
-    let measured = Tai::from_rfc3339(measured_utc)
-        .map_err(|error| CalibrationError::File { path: "measured_utc".into(), reason: error.to_string() })?;
+fn age_days(measured_utc: &str, now: Tai) -> Result<f64, Refused> {
+    let measured = Tai::from_rfc3339(measured_utc).map_err(|error| Refused::at("measured_utc", error))?;
     Ok((now - measured).s() / DAY_S)
 }
 
 /// Returns the age of measurements in days, when they are neither too old nor from the future.
-pub(super) fn in_time(measured_utc: &str, valid_days: u32, now: Tai) -> Result<f64, CalibrationError> {
+pub(super) fn in_time(measured_utc: &str, valid_days: u32, now: Tai) -> Result<f64, Refused> {
     let age_days = age_days(measured_utc, now)?;
     if (-CLOCK_DAYS..=f64::from(valid_days)).contains(&age_days) {
         return Ok(age_days);
     }
-    Err(CalibrationError::Stale { measured_utc: measured_utc.into(), valid_days, age_days })
+    Err(Refused(format!(
+        "calibration measured {measured_utc}: wanted an age of 0 to {valid_days} days, got {age_days:.1}; calibrate again, or set this machine's clock"
+    )))
 }
 
 #[cfg(test)]

@@ -12,12 +12,13 @@ use super::file::{Calibration, Light, Residuals};
 use super::fit_levels::{LevelFit, fit_levels};
 use super::fit_map::{FEWEST_DOTS, MapFit, SeenDot, fit_map};
 use super::{
-    coverage::enough, error::CalibrationError, identity::TrackerIdentity, measurement::Sight, pattern::Pattern,
-    plan::Plan, report::brightest_star,
+    coverage::enough, identity::TrackerIdentity, measurement::Sight, pattern::Pattern, plan::Plan,
+    report::brightest_star,
 };
+use crate::display::calibration::error;
 use crate::display::flat_field::{FlatField, FlatFit, fit_flat};
 use crate::display::{latency::Latency, response::Response};
-use base::time::Tai;
+use base::{refused::Refused, time::Tai};
 use glam::DVec2;
 use sky::astrometry::CameraGeometry;
 
@@ -72,12 +73,7 @@ pub struct Fitted {
 ///
 /// # Errors
 /// When the tracker is not the plan's, or the measurements are too old, or do not make a map and a response.
-pub fn fit(
-    plan: &Plan,
-    sights: &[Sight],
-    tracker: &Tracker<'_>,
-    options: &FitOptions,
-) -> Result<Fitted, CalibrationError> {
+pub fn fit(plan: &Plan, sights: &[Sight], tracker: &Tracker<'_>, options: &FitOptions) -> Result<Fitted, Refused> {
     let used = TrackerIdentity::of(tracker.name, tracker.geometry);
     let measured_utc = options.measured.to_rfc3339();
     super::identity::same_tracker(&measured_utc, &used, &plan.tracker)?;
@@ -138,20 +134,14 @@ struct SeenDots {
     saturated: usize,
 }
 
-fn seen_dots(plan: &Plan, sights: &[Sight], tracker: &Tracker<'_>) -> Result<SeenDots, CalibrationError> {
+fn seen_dots(plan: &Plan, sights: &[Sight], tracker: &Tracker<'_>) -> Result<SeenDots, Refused> {
     let places = |pattern: Pattern| -> Vec<[f64; 2]> {
         sights.iter().filter(|sight| sight.pattern == pattern).filter_map(|sight| sight.tracker_px).collect()
     };
     let all: Vec<&Sight> =
         sights.iter().filter(|sight| sight.pattern == Pattern::Dots && sight.tracker_px.is_some()).collect();
     if all.len() < FEWEST_DOTS {
-        return Err(CalibrationError::FewDots {
-            wanted: FEWEST_DOTS,
-            got: all.len(),
-            unread: 0,
-            unseen: 0,
-            saturated: 0,
-        });
+        return Err(error::few_dots(FEWEST_DOTS, all.len(), 0, 0, 0));
     }
     let count = plan.grid.count();
     let read = if all.iter().any(|sight| sight.dot.is_some()) {
@@ -179,18 +169,13 @@ fn seen_dots(plan: &Plan, sights: &[Sight], tracker: &Tracker<'_>) -> Result<See
     }
     let (got, unread, saturated) = (seen.dots.len(), seen.unread, seen.saturated);
     if got < FEWEST_DOTS {
-        return Err(CalibrationError::FewDots { wanted: FEWEST_DOTS, got, unread, unseen, saturated });
+        return Err(error::few_dots(FEWEST_DOTS, got, unread, unseen, saturated));
     }
     Ok(seen)
 }
 
 /// Returns the flat field of the dots that the map fits; `None` when no fluxes were given.
-fn flat_of(
-    plan: &Plan,
-    dots: &[SeenDot],
-    fluxes: &[Option<f64>],
-    map: &MapFit,
-) -> Result<Option<FlatFit>, CalibrationError> {
+fn flat_of(plan: &Plan, dots: &[SeenDot], fluxes: &[Option<f64>], map: &MapFit) -> Result<Option<FlatFit>, Refused> {
     let pixels = (plan.grid.dot_px * plan.grid.dot_px) as f64;
     let seen = dots.iter().zip(fluxes).zip(&map.is_used).filter(|(_, used)| **used);
     let per_pixel: Vec<_> =
@@ -198,5 +183,5 @@ fn flat_of(
     if per_pixel.is_empty() {
         return Ok(None);
     }
-    fit_flat(&per_pixel, plan.display.size_px()).map(Some).map_err(CalibrationError::Flat)
+    fit_flat(&per_pixel, plan.display.size_px()).map(Some).map_err(|e| Refused(format!("flat field: {e}")))
 }

@@ -7,9 +7,9 @@
 //! does not count. Where no dark level was measured it is taken for nothing: true of a luminance meter, not of a
 //! camera.
 
-use super::{error::CalibrationError, measurement::Sight, pattern::Pattern};
+use super::{measurement::Sight, pattern::Pattern};
 use crate::display::response::{GreyLevel, ResponseParameters, response_of};
-use base::least_squares::median;
+use base::{least_squares::median, refused::Refused};
 use std::collections::BTreeMap;
 
 /// Least light of a place that counts, of the brightest.
@@ -43,7 +43,7 @@ pub struct LevelFit {
 ///
 /// # Errors
 /// When levels are missing or saturated, or do not rise.
-pub fn fit_levels(sights: &[Sight], bits: u32) -> Result<LevelFit, CalibrationError> {
+pub fn fit_levels(sights: &[Sight], bits: u32) -> Result<LevelFit, Refused> {
     let full = u16::try_from((1_u32 << bits.min(16)) - 1).unwrap_or(u16::MAX);
     let of = sights.iter().filter(|sight| sight.luminance.is_some()).count();
     let saturated = sights.iter().filter(|sight| sight.luminance.is_some() && sight.is_saturated).count();
@@ -58,7 +58,9 @@ pub fn fit_levels(sights: &[Sight], bits: u32) -> Result<LevelFit, CalibrationEr
         }
     }
     if saturated > 0 && places.values().all(|place| !place.by_grey.contains_key(&full)) {
-        return Err(CalibrationError::SaturatedLevels { left_out: saturated, of });
+        return Err(Refused(format!(
+            "levels of the ramp: {saturated} of {of} measurements are saturated, and full grey is nowhere below; measure the whole ramp again by one shorter exposure, which suits full grey"
+        )));
     }
     let all_dark: Vec<f64> = places.values().flat_map(|place| place.dark.iter().copied()).collect();
     let dark_of = |place: &Place| match (place.dark.is_empty(), all_dark.is_empty()) {

@@ -14,11 +14,11 @@
 //! Errors of the tracker's own camera file go into the map, since only the two together are measured. Tests:
 //! `fit_map_tests`; `tests/physics/display_calibration`.
 
-use super::error::CalibrationError;
+use crate::display::calibration::error;
 use crate::display::geometry::{DisplayGeometry, GeometryParameters, Pinhole, taken_apart, wxyz};
 use crate::display::{covered::Covered, flat_field::exponents};
 use base::least_squares::{Basis, median, rms};
-use base::random::philox;
+use base::{random::philox, refused::Refused};
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
 /// Fewest dots that make a map.
@@ -78,17 +78,11 @@ pub struct MapFit {
 ///
 /// # Errors
 /// When there are too few, or no map fits three quarters of them.
-pub fn fit_map(dots: &[SeenDot], size_px: [usize; 2]) -> Result<MapFit, CalibrationError> {
+pub fn fit_map(dots: &[SeenDot], size_px: [usize; 2]) -> Result<MapFit, Refused> {
     let in_front = |dot: &&SeenDot| dot.v_sensor.z > 0.0 && dot.v_sensor.is_finite();
     let unseen = dots.len() - dots.iter().filter(in_front).count();
     if dots.len() - unseen < FEWEST_DOTS || unseen > 0 {
-        return Err(CalibrationError::FewDots {
-            wanted: FEWEST_DOTS,
-            got: dots.len() - unseen,
-            unread: 0,
-            unseen,
-            saturated: 0,
-        });
+        return Err(error::few_dots(FEWEST_DOTS, dots.len() - unseen, 0, unseen, 0));
     }
     // About their middle, so that an affine map has its axis there.
     let middle = dots.iter().map(|dot| dot.v_sensor.normalize()).sum::<DVec3>().normalize();
@@ -119,21 +113,21 @@ pub fn fit_map(dots: &[SeenDot], size_px: [usize; 2]) -> Result<MapFit, Calibrat
     }
     match (best, refusal) {
         (Some((_, fit)), _) => accepted(fit),
-        (None, Some(error)) if least_px <= LARGEST_RMS_PX => Err(error.into()),
+        (None, Some(error)) if least_px <= LARGEST_RMS_PX => Err(error::not_a_camera(error)),
         (None, Some(_)) => Err(not_fitting(least_px)),
         (None, None) => Err(not_a_map("dots in more places", format!("{} dots", dots.len()))),
     }
 }
 
-fn not_a_map(wanted: &'static str, got: String) -> CalibrationError {
-    CalibrationError::NotAMap { wanted, got }
+fn not_a_map(wanted: &'static str, got: String) -> Refused {
+    error::not_a_map(wanted, got)
 }
 
-fn not_fitting(rms_px: f64) -> CalibrationError {
+fn not_fitting(rms_px: f64) -> Refused {
     not_a_map("a residual below 0.5 display px rms", format!("{rms_px:.3} px"))
 }
 
-fn accepted(fit: MapFit) -> Result<MapFit, CalibrationError> {
+fn accepted(fit: MapFit) -> Result<MapFit, Refused> {
     let (all, used) = (fit.is_used.len(), fit.is_used.iter().filter(|used| **used).count());
     if fit.rms_px > LARGEST_RMS_PX {
         return Err(not_fitting(fit.rms_px));
@@ -145,11 +139,7 @@ fn accepted(fit: MapFit) -> Result<MapFit, CalibrationError> {
 }
 
 /// Returns pinhole, mirror, and the dots that agree with a homography as far as distortion lets them.
-fn start(
-    tangents: &[DVec2],
-    shown: &[DVec2],
-    size_px: [usize; 2],
-) -> Result<(Pinhole, bool, Vec<bool>), CalibrationError> {
+fn start(tangents: &[DVec2], shown: &[DVec2], size_px: [usize; 2]) -> Result<(Pinhole, bool, Vec<bool>), Refused> {
     let flat = || not_a_map("dots that are not on one line", format!("{} dots", shown.len()));
     let mirror = DMat3::from_cols_array(&[-1.0, 0.0, 0.0, 0.0, 1.0, 0.0, size_px[0] as f64 - 1.0, 0.0, 1.0]);
     let rough = agreed_homography(tangents, shown).ok_or_else(flat)?;

@@ -68,12 +68,12 @@ fn one_fifth_of_wrong_dots_is_accepted_and_more_refused() {
 #[test]
 fn too_little_is_refused() {
     let all = dots(2000.0, 0.0, 0.0);
-    assert!(matches!(fit_map(&all[..11], SIZE_PX), Err(CalibrationError::FewDots { got: 11, .. })));
+    assert!(fit_map(&all[..11], SIZE_PX).unwrap_err().to_string().contains(", got 11 ("));
     let line: Vec<SeenDot> = all.iter().copied().filter(|dot| dot.display_px[1] == 20.0).collect();
     assert!(fit_map(&line, SIZE_PX).unwrap_err().to_string().contains("not on one line"));
     let mut behind = all.clone();
     behind[3].v_sensor.z = -1.0;
-    assert!(matches!(fit_map(&behind, SIZE_PX), Err(CalibrationError::FewDots { unseen: 1, .. })));
+    assert!(fit_map(&behind, SIZE_PX).unwrap_err().to_string().contains(", 1 outside the tracker's field"));
     let same = vec![all[0]; 40];
     assert!(fit_map(&same, SIZE_PX).is_err(), "forty times the same dot");
 }

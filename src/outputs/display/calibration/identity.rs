@@ -1,6 +1,7 @@
 //! The identity of a calibration: a display in its mode, a tracker by its geometry.
 
-use super::error::CalibrationError;
+use crate::display::calibration::error;
+use base::refused::Refused;
 use frames::sink::crc32::Crc32;
 use serde::{Deserialize, Serialize};
 use sky::astrometry::{CameraGeometry, Distortion};
@@ -66,12 +67,12 @@ fn difference(
     measured_utc: &str,
     wanted: &[(&'static str, String)],
     got: &[(&'static str, String)],
-) -> Result<(), CalibrationError> {
+) -> Result<(), Refused> {
     match wanted.iter().zip(got).find(|((_, wanted), (_, got))| wanted != got) {
         None => Ok(()),
         Some(((what, wanted), (_, got))) => {
             let (wanted, got) = (wanted.clone(), got.clone());
-            Err(CalibrationError::Mismatch { measured_utc: measured_utc.into(), what, wanted, got })
+            Err(error::mismatch(measured_utc, what, wanted, got))
         }
     }
 }
@@ -81,7 +82,7 @@ pub(super) fn same_display(
     measured_utc: &str,
     used: &DisplayIdentity,
     calibrated: &DisplayIdentity,
-) -> Result<(), CalibrationError> {
+) -> Result<(), Refused> {
     let reported = |d: &DisplayIdentity| {
         [
             ("display", d.name.clone()),
@@ -97,7 +98,7 @@ pub(super) fn same_tracker(
     measured_utc: &str,
     used: &TrackerIdentity,
     calibrated: &TrackerIdentity,
-) -> Result<(), CalibrationError> {
+) -> Result<(), Refused> {
     let reported = |t: &TrackerIdentity| {
         [
             ("tracker camera", t.name.clone()),

@@ -5,7 +5,8 @@
 //! (its number, where the measuring program knows it; else it is read from the codes), `saturated` (`true` where the
 //! camera was at its end: it is then left out). Columns may be missing, values empty.
 
-use super::{error::CalibrationError, pattern::Pattern};
+use super::pattern::Pattern;
+use base::refused::Refused;
 use serde::{Deserialize, Serialize};
 use std::io::{Read, Write};
 use std::path::Path;
@@ -46,8 +47,13 @@ struct Row {
 ///
 /// # Errors
 /// The line that is not a measurement, and the reason.
-pub fn read_csv(input: impl Read, path: &Path) -> Result<Vec<Sight>, CalibrationError> {
-    let refuse = |line: u64, reason: String| CalibrationError::Row { path: path.into(), line, reason };
+pub fn read_csv(input: impl Read, path: &Path) -> Result<Vec<Sight>, Refused> {
+    let refuse = |line: u64, reason: String| {
+        Refused(format!(
+            "{path}, line {line}: {reason}; wanted the columns pattern,x_px,y_px,flux,luminance,dot,saturated (pattern and what was measured of it; the others may be missing or empty)",
+            path = path.display()
+        ))
+    };
     let mut sights = Vec::new();
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(input);
     for (row, line) in reader.deserialize::<Row>().zip(2_u64..) {

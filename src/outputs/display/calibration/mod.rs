@@ -23,7 +23,6 @@ pub mod plan;
 pub mod report;
 pub mod spots;
 
-pub use error::CalibrationError;
 pub use file::{Calibrated, Calibration, Light, Residuals};
 pub use fit::{Fitted, Tracker, fit};
 pub use identity::{DisplayIdentity, TrackerIdentity};

@@ -4,9 +4,9 @@
 //! centre whatever the response is. More images identify the dots: in `dots_bit_k` only the dots are lit whose code has
 //! bit k, so mirrors, rolls and parts of the field need no guessing ([`super::dot_code`]).
 
-use super::{error::CalibrationError, identity::DisplayIdentity};
+use super::identity::DisplayIdentity;
 use crate::display::geometry::LARGEST_SIDE_PX;
-use base::image::Image;
+use base::{image::Image, refused::Refused};
 use serde::{Deserialize, Serialize};
 
 /// Least distance of dots, in sides of a dot: their images stay apart.
@@ -103,8 +103,10 @@ impl Grid {
         Some([column, row])
     }
 
-    pub(super) fn check(&self, display: &DisplayIdentity) -> Result<(), CalibrationError> {
-        let refuse = |name, wanted: String, got: String| Err(CalibrationError::Plan { name, wanted, got });
+    pub(super) fn check(&self, display: &DisplayIdentity) -> Result<(), Refused> {
+        let refuse = |name, wanted: String, got: String| {
+            Err(Refused(format!("display plan: {name} wanted {wanted}, got {got}")))
+        };
         if display.name.trim().is_empty() {
             return refuse("display.name", "a name".into(), "none".into());
         }

@@ -1,11 +1,11 @@
 //! The plan of a calibration: which display and tracker, which images in which order. A TOML file beside the images.
 
 use super::dot_code::{bits_of, code};
-use super::error::CalibrationError;
 use super::identity::{DisplayIdentity, TrackerIdentity};
 use super::pattern::{Grid, Pattern, draw, ramp_greys};
-use base::image::Image;
+use crate::display::calibration::error;
 use base::input_file::{SETTINGS_BYTES, read_text};
+use base::{image::Image, refused::Refused};
 use frames::sink::crc32::Crc32;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -50,12 +50,12 @@ impl Plan {
         tracker: TrackerIdentity,
         grid: Grid,
         ramp_steps: usize,
-    ) -> Result<Self, CalibrationError> {
+    ) -> Result<Self, Refused> {
         grid.check(&display)?;
         let most = usize::from(display.full_grey()).min(1024);
         if !(FEWEST_STEPS..=most).contains(&ramp_steps) {
             let wanted = format!("{FEWEST_STEPS} to {most}");
-            return Err(CalibrationError::Plan { name: "ramp_steps", wanted, got: ramp_steps.to_string() });
+            return Err(Refused(format!("display plan: ramp_steps wanted {wanted}, got {ramp_steps}")));
         }
         let mut plan = Self { ramp_steps, display, tracker, grid, pattern: Vec::new() };
         let step = |pattern: Pattern| Step { name: pattern.name(), instruction: pattern.instruction().into() };
@@ -112,17 +112,16 @@ impl Plan {
     ///
     /// # Errors
     /// When it cannot be written as TOML.
-    pub fn to_toml(&self) -> Result<String, CalibrationError> {
-        toml::to_string(self)
-            .map_err(|error| CalibrationError::File { path: "plan.toml".into(), reason: error.to_string() })
+    pub fn to_toml(&self) -> Result<String, Refused> {
+        toml::to_string(self).map_err(|error| Refused::at("plan.toml", error))
     }
 
     /// Reads and checks a plan.
     ///
     /// # Errors
     /// The fault of the file.
-    pub fn read(path: &Path) -> Result<Self, CalibrationError> {
-        let refuse = |reason: String| CalibrationError::File { path: path.into(), reason };
+    pub fn read(path: &Path) -> Result<Self, Refused> {
+        let refuse = |reason: String| error::file(path, reason);
         let text = read_text(path, SETTINGS_BYTES).map_err(|error| refuse(error.to_string()))?;
         let plan: Self = toml::from_str(&text).map_err(|error| refuse(error.message().to_owned()))?;
         Self::new(plan.display, plan.tracker, plan.grid, plan.ramp_steps)

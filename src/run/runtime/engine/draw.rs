@@ -107,9 +107,9 @@ impl FrameEngine {
     ) -> Result<(SceneReport, DetectorConditions), RunError> {
         let mut watch = Stopwatch::start();
         let los = &self.planner.latest().motion.los;
-        let found = self.scene.find(los, matches!(light, Light::Sky))?;
+        let found = self.scene.find(los, matches!(light, Light::Sky)).map_err(RunError::Scene)?;
         if let Light::Sources { is_on_sky: true, .. } = light {
-            self.scene.stars.look(los.mid_exposure())?;
+            self.scene.stars.look(los.mid_exposure()).map_err(RunError::Scene)?;
         }
         scene_events::note(&found, slot, ledger);
         let conditions = self.conditions.of_detector(los.exposure_s, found.background);

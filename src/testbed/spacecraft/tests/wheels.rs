@@ -1,6 +1,7 @@
 //! Wheels: exchange of momentum, friction, limits, failures, unloading.
 
 use super::*;
+use base::refused::Refused;
 
 fn along_z(params: &mut SpacecraftParams) {
     params.wheels = vec![wheel(DVec3::Z, 0.0)];
@@ -103,7 +104,10 @@ fn with_three_wheels_left_all_torques_remain_and_with_two_a_plane() {
         craft.fail_wheel(index).expect("a wheel");
     }
     assert_eq!(craft.command_torques(wanted).length(), 0.0, "none");
-    assert_eq!(craft.fail_wheel(4), Err(SpacecraftError::NoSuchWheel { got: 4, count: 4 }));
+    assert_eq!(
+        craft.fail_wheel(4),
+        Err(Refused(format!("wheel {got}: wanted one of the {count}, counted from 0", got = 4, count = 4)))
+    );
 }
 
 /// Returns the momentum of the whole after `t_s` of unloading.

@@ -2,7 +2,7 @@
 
 use super::super::adjust::{MatchedStar, adjust};
 use super::super::wahba::{Observation, davenport};
-use super::super::{Geometry, GuideStars, TrackerError, TrackerParams, apparent};
+use super::super::{Geometry, GuideStars, TrackerParams, apparent};
 use super::draw::{aberrated, gaussian, project, random_attitude};
 use super::{super::centroid::Spot, super::pairs::PairIndex, *};
 use base::axes::{Icrf, Rotation, Sensor};
@@ -58,7 +58,7 @@ fn turning_the_sensor_moves_places_as_the_derivative_says() {
 fn a_fold_is_refused() {
     let geometry = Geometry { distortion: [-20.0, 0.0, 0.0, 0.0, 0.0], ..bent() };
     let error = geometry.check().expect_err("folded");
-    assert!(matches!(error, TrackerError::Distortion { .. }) && error.to_string().contains("-20"), "{error}");
+    assert!(error.to_string().contains("k3 = [-20"), "{error}");
 }
 
 #[test]
