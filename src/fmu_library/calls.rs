@@ -1,9 +1,8 @@
 //! Life of an instance: made, initialised, stepped, ended, freed.
 
 use crate::instance::{Instance, LogMessage, Status, log, of, put, text};
-use base::refused::Refused;
 use core::ffi::{c_char, c_void};
-use fmu::Slave;
+use fmu::{FmuError, Slave};
 use std::{panic::catch_unwind, path::Path};
 
 /// `fmi3IntermediateUpdateCallback`, which is never called.
@@ -95,7 +94,7 @@ pub extern "C" fn fmi3Terminate(instance: *mut c_void) -> Status {
     let mut lost = None;
     let status = instance.call(|slave| {
         lost = slave.terminate()?;
-        Ok::<_, Refused>(())
+        Ok::<_, FmuError>(())
     });
     match lost {
         Some(lost) => {
@@ -111,7 +110,7 @@ pub extern "C" fn fmi3Reset(instance: *mut c_void) -> Status {
     of(instance).map_or(Status::Error, |instance| {
         instance.call(|slave| {
             slave.reset();
-            Ok::<_, Refused>(())
+            Ok::<_, FmuError>(())
         })
     })
 }
