@@ -709,7 +709,7 @@ class ControlPort:
                 self.socket.connect((address, 3956))
                 # A command under the number of the last one is taken for that one again.
                 self.number = 0
-                # Who reads the XML where it is shown to him has proven his address; others may not change frames.
+                # A client proves its address: it reads the XML at the place that is shown to it. Others may not change frames.
                 url = self.read(0x200, 512).split(b"\0")[0].decode()
                 self.read(int(url.split(";")[1], 16), 4)
                 self.ask(0x0082, struct.pack(">II", 0xA00, 2))

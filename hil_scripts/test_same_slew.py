@@ -139,7 +139,7 @@ class SameSlew(unittest.TestCase):
         self.starloop("run", self.bench('[plant]\nkind = "file"\nattitude = "slew.csv"\n'), "--clock", "virtual",
                       "--out", self.here / "from_table")
         self.starloop("export", self.here / "from_table", "--attitude", self.here / "slew.aem")
-        # What was rendered begins in the middle of the first exposure and ends in that of the last.
+        # The file begins in the middle of the first exposure and ends in that of the last one.
         limits = "[expect]\nblank_frames_at_start_at_most = 1\nblank_frames_at_most = 1\nheld_attitude_frames_at_most = 1\n"
         self.starloop("run", self.bench(f'[plant]\nkind = "file"\nattitude = "slew.aem"\n{limits}'), "--clock", "virtual",
                       "--out", self.here / "from_aem")

@@ -3,8 +3,8 @@
 //! A build without the feature `spice` refuses them. Tests: `hil_scripts/test_spice.py`.
 
 use crate::key_type::{Raw, Whole};
-use crate::{check::Checker, error::ConfigError, key::Given, plant_file::refused};
-use histories::{AttitudeHistory, OrbitHistory, read};
+use crate::{check::Checker, error::ConfigError, key::Given};
+use histories::{AttitudeHistory, HistoryError, OrbitHistory, read};
 
 /// A file that may be a kernel, and the keys that go with one.
 pub(super) struct Kernels<'k> {
@@ -38,6 +38,12 @@ impl Kernels<'_> {
     }
 }
 
+/// Returns the error of a file that a key names.
+pub(super) fn refused(given: &Given<'_, String>, error: &HistoryError, check: &Checker<'_>) -> ConfigError {
+    let advice = "src/guide/files_in_and_out.md has every format; paths are relative to the file that names them";
+    check.invalid(&given.key(), format!("{error}"), "a file that can be read", advice)
+}
+
 #[cfg(feature = "spice")]
 impl Kernels<'_> {
     fn read_attitudes(self, check: &Checker<'_>) -> Result<AttitudeHistory, ConfigError> {
@@ -67,11 +73,8 @@ impl Kernels<'_> {
 
 /// A reader of a kernel, its text kernels and a number.
 #[cfg(feature = "spice")]
-type Reader<H> = fn(
-    histories::spice::KernelFile<'_>,
-    &[histories::spice::KernelFile<'_>],
-    Option<i32>,
-) -> Result<H, histories::HistoryError>;
+type Reader<H> =
+    fn(histories::spice::KernelFile<'_>, &[histories::spice::KernelFile<'_>], Option<i32>) -> Result<H, HistoryError>;
 
 #[cfg(not(feature = "spice"))]
 impl Kernels<'_> {

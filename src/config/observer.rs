@@ -2,8 +2,8 @@
 
 use crate::key::{Given, Section, section, taken};
 use crate::key_type::{Any, Raw, Shape, Whole, Word};
-use crate::plant_file::{refused, text_of};
 use crate::{check::Checker, error::ConfigError, kernels::Kernels};
+use crate::{kernels::refused, plant_file::text_of};
 use base::{time::Tai, units::DEG};
 use histories::{OrbitHistory, read};
 use sky::observer::check_states;

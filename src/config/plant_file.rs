@@ -1,9 +1,9 @@
 //! `[plant] kind = "file"`: attitudes from a file, and how they are laid upon the run. Tests: `plant_tests`.
 
 use crate::timing::{StartTime, Timing};
-use crate::{check::Checker, error::ConfigError, kernels::Kernels, key::Given, plant::PlantKeys};
+use crate::{check::Checker, error::ConfigError, kernels::Kernels, kernels::refused, key::Given, plant::PlantKeys};
 use base::time::{Span, Tai};
-use histories::{AttitudeHistory, HistoryError, Sense, Times, read};
+use histories::{AttitudeHistory, Sense, Times, read};
 use std::sync::Arc;
 use testbed::flight_computer::FileProfile;
 
@@ -104,12 +104,6 @@ pub(super) fn text_of(given: &Given<'_, String>, check: &Checker<'_>) -> Result<
     let path = check.document.data_beside(path);
     let text = read::text_of(&path).map_err(|error| refused(given, &error, check))?;
     Ok((text, path.display().to_string()))
-}
-
-/// Returns the error of a file that a key names.
-pub(super) fn refused(given: &Given<'_, String>, error: &HistoryError, check: &Checker<'_>) -> ConfigError {
-    let advice = "src/guide/files_in_and_out.md has every format; paths are relative to the file that names them";
-    check.invalid(&given.key(), format!("{error}"), "a file that can be read", advice)
 }
 
 /// Sense of a table, by its names in files.

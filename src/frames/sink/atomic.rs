@@ -9,7 +9,7 @@
 //! * [`replace_own_file`]: names that the program chose and writes again, such as `session.json`. A regular file is
 //!   replaced, everything else refused.
 //! * [`write_file_atomically`]: paths that a person typed. A link stays and its target is replaced; a pipe or device
-//!   (`/dev/stdout`) is written directly; a pipe that nobody reads is an error after [`PATIENCE`].
+//!   (`/dev/stdout`) is written directly; a pipe without a reader is an error after [`PATIENCE`].
 //!
 //! Limits: this survives a full disk and a killed program; it does not wait for the disk (no fsync), so it does not
 //! protect from loss of power.
@@ -108,7 +108,7 @@ fn open_existing(path: &Path, patience: Duration) -> io::Result<File> {
             }
             Err(_no_reader) => {
                 let seconds = patience.as_secs();
-                let why = format!("nobody read from this pipe for {seconds} s; wanted a file, or a reader");
+                let why = format!("this pipe was without a reader for {seconds} s; wanted a file, or a reader");
                 return Err(io::Error::new(io::ErrorKind::TimedOut, why));
             }
         }

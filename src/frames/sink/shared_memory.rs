@@ -24,7 +24,7 @@
 //! description (`F_OFD_SETLK`) on a byte far behind the end of the file, so that a reader's `flock` does not collide
 //! with it. When a ring loses its name during the run (the file was removed or replaced), every frame from then on is
 //! an error ([`SinkError::Vanished`]): readers that have it open still get them, new readers cannot. The same holds for
-//! a ring that another program cuts short ([`SinkError::Write`]): what readers find behind the cut is no frame.
+//! a ring that another program cuts short ([`SinkError::Write`]): what readers find behind the cut is not a frame.
 //!
 //! Limits: one size of frame. Unix. Written by `pwrite`, so that no memory is shared by reference with other programs:
 //! no `unsafe`, at the cost of one copy by the kernel. Tests: below, and `hil_scripts/test_recorders.py` from another

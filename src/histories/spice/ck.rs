@@ -101,7 +101,7 @@ impl Reader<'_> {
             let record = &records[8 * place..][..8];
             let (begin, end) = (starts[place], rest[place]);
             let mut first = self.row(begin, &record[..7])?;
-            // The record's own rate of the clock, s per tick: with 0, or without a turn, the instrument stands still
+            // The record's own rate of the clock, s per tick: with 0, or without a turn, the instrument is at rest
             // (CSPICE's `cke02`).
             let turn_s = record[7] * (end - begin);
             let last_at = self.instant(end)?;

@@ -96,7 +96,7 @@ fn a_full_line_gives_up_counts_and_ends_the_torn_packet() {
         got.extend(bytes(&mut far, 1, until));
     }
     got.truncate(got.len() - 4);
-    // The system may make room between two packets: each torn one ends with a delimiter, and what follows is whole.
+    // The system may make space between two packets: each torn one ends with a delimiter, and what follows is whole.
     let parts: Vec<&[u8]> = got.split(|byte| *byte == 0).collect();
     assert!(parts.iter().all(|part| part.iter().all(|byte| *byte == 7)), "nothing but packets and delimiters");
     let whole_packets: usize = parts.iter().map(|part| part.len() / (CHUNK_MAX - 3)).sum();

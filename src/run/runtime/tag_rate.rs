@@ -11,7 +11,7 @@ use base::time::{Span, Tai};
 const WINDOW: Span = Span::from_ms(2000);
 /// Windows in a row that are reported.
 const WINDOWS: i32 = 3;
-/// Change of the least delay that is no clock's.
+/// Change of the least delay, beside drift, up to which a clock is taken for one.
 const WAY: Span = Span::from_ms(5);
 
 /// The window under way, and what is known of those before.
