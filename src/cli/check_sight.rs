@@ -51,7 +51,9 @@ impl Sight {
             match seen.filter(|seen| *seen >= BRIGHTEST_MAG) {
                 Some(seen) => {
                     writeln!(text, "  sees         stars to G = {seen:.2} at SNR {SEEN_SNR} in one frame")?;
-                    write_left_out(text, &bench.camera.radiometry, [drawn, faintest, seen])?;
+                    if let Some(what) = left_out(&bench.camera.radiometry, [drawn, faintest, seen]) {
+                        writeln!(text, "  WARNING      {what}")?;
+                    }
                 }
                 None => {
                     let seen = seen.map_or_else(|| "none".into(), |seen| format!("G = {seen:.2}"));
@@ -101,10 +103,16 @@ impl Sight {
     }
 }
 
-/// Warns of stars that the camera sees, and that the limit of drawing or the catalog leaves out.
-fn write_left_out(text: &mut String, radiometry: &Radiometry, [drawn, faintest, seen]: [f64; 3]) -> Result<()> {
+/// Returns the magnitude to which a camera sees; `None` for one without noise, and for one that sees no star.
+pub(super) fn seen_mag(params: &RunParams) -> Option<f64> {
+    let has_noise = params.drawn_from_sensor.is_none() && params.camera.radiometry.zero_point_e_per_s().is_some();
+    has_noise.then(|| sensitivity_for_suns(&params.camera))?.limiting_mag(SEEN_SNR)
+}
+
+/// Returns which stars the camera sees, and the limit of drawing or the catalog leaves out, and why.
+pub(super) fn left_out(radiometry: &Radiometry, [drawn, faintest, seen]: [f64; 3]) -> Option<String> {
     if radiometry.seen_stars_left_out || seen <= drawn.min(faintest) + SAME_MAG {
-        return Ok(());
+        return None;
     }
     let why = match radiometry.limiting_mag {
         Some(_) if drawn < faintest => {
@@ -117,8 +125,7 @@ fn write_left_out(text: &mut String, radiometry: &Radiometry, [drawn, faintest, 
             "the catalog ends at G = {faintest:.1}: name sky.layers, or set radiometry.seen_stars_left_out = true"
         ),
     };
-    writeln!(text, "  WARNING      stars that the camera sees, to G = {seen:.2}, are left out: {why}")?;
-    Ok(())
+    Some(format!("stars that the camera sees, to G = {seen:.2}, are left out: {why}"))
 }
 
 /// Warns of a field that has no star in most directions, where the directions of the run are not known.
@@ -146,11 +153,7 @@ mod tests {
     fn stars_that_are_seen_and_left_out_are_warned_of_on_both_sides() {
         let mut radiometry = Bench::built_in().unwrap().camera.radiometry;
         radiometry.seen_stars_left_out = false;
-        let warned = |radiometry: &Radiometry, magnitudes| {
-            let mut text = String::new();
-            write_left_out(&mut text, radiometry, magnitudes).unwrap();
-            text
-        };
+        let warned = |radiometry: &Radiometry, magnitudes| left_out(radiometry, magnitudes).unwrap_or_default();
         let given = Radiometry { limiting_mag: Some(7.0), ..radiometry };
         assert_eq!(warned(&given, [7.0, 8.5, 7.04]), "", "as good as seen");
         let text = warned(&given, [7.0, 8.5, 7.49]);

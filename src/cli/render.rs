@@ -1,5 +1,6 @@
 //! `starloop render`: one image for a given attitude and time.
 
+use crate::cli::check_sight::{left_out, seen_mag};
 use crate::cli::degrees::{declination_deg, right_ascension_deg};
 use crate::cli::render_input::{four, read_los, read_los_samples, read_sources, three};
 use crate::cli::render_output::{Format, format_of, write_dn, write_electrons, write_truth};
@@ -253,6 +254,10 @@ impl Scene {
         if sources.is_none() {
             let limiting_mag = still.params().camera.limiting_mag;
             notes(span[0], limiting_mag, still.faintest_mag()).iter().for_each(|note| eprintln!("{note}"));
+            let (drawn, faintest) = (f64::from(limiting_mag), f64::from(still.faintest_mag()));
+            let seen = seen_mag(still.params()).filter(|_| drawn <= faintest);
+            let what = seen.and_then(|seen| left_out(&bench.camera.radiometry, [drawn, faintest, seen]));
+            what.iter().for_each(|what| eprintln!("note: {what}"));
             if bench.camera.radiometry.limiting_mag.is_none() {
                 eprintln!("note: {}", drawn_text(&bench.camera, limiting_mag));
             }
