@@ -233,13 +233,23 @@ impl VirtualLoop {
         }
     }
 
-    /// Returns the record, when the run is over; frames that are still on the way do not go out and end like this.
-    pub fn into_record(mut self, on_the_way: FrameEnd) -> RunRecord {
+    /// Ends the run: finishes the sinks. Frames that are still on the way do not go out and end like this.
+    pub fn end(mut self, heads: &mut [Head<'_>], ports: Vec<PortReading>, on_the_way: FrameEnd) -> RunOutcome {
+        let (count, now) = (heads.len(), self.clock.now());
+        let mut error = None;
+        let (mut summaries, mut sinks) = (Vec::with_capacity(count), Vec::new());
+        for (number, head) in heads.iter_mut().enumerate() {
+            let finished = head.sink.finish();
+            note_losses(&mut self.record, head.sink, now);
+            let summary = finished.map_err(|finishing| error.get_or_insert(finishing.into())).ok();
+            sinks.extend(lines_of_head(number, count, sink_lines(head.sink, summary.as_ref())));
+            summaries.push(summary);
+        }
         for pending in &self.pending {
             self.record.frames.dropped += 1;
             self.record.account.add(on_the_way, pending.exposure_start);
         }
-        self.record
+        RunOutcome { record: self.record, ports, summaries, sinks, lost_threads: Vec::new(), error }
     }
 
     fn start(&mut self, heads: &mut [Head<'_>], world: &mut World<'_>) -> Result<(), RunError> {
@@ -412,7 +422,7 @@ impl VirtualLoop {
             let head = &mut heads[pending.head];
             let mut watch = Stopwatch::start();
             let sent = head.sink.send(&pending.frame);
-            self.note_losses(head.sink);
+            note_losses(&mut self.record, head.sink, self.clock.now());
             sent?;
             if let Some(tracker) = self.trackers.get_mut(pending.head).and_then(Option::as_mut) {
                 let beta = head.engine.observer_beta(pending.frame.meta.mid_exposure).map_err(RunError::Scene)?;
@@ -434,12 +444,6 @@ impl VirtualLoop {
         // The far end processes this frame at its arrival.
         self.far_due = Some((world.far_end)(at).map_err(RunError::FarEnd)?);
         Ok(())
-    }
-
-    /// Adds the losses of a sink to the ledger.
-    pub fn note_losses(&mut self, sink: &mut dyn Sink) {
-        let (now, record) = (self.clock.now(), &mut self.record);
-        sink.take_losses(&mut |loss| record.note_losses(&[loss], now));
     }
 
     /// Returns a buffer of the engine's size.
@@ -488,29 +492,13 @@ pub fn run(
 /// Runs every slot of several engines.
 pub fn run_in(clock: &Arc<Virtual>, mut heads: Vec<Head<'_>>, world: &mut World<'_>) -> RunOutcome {
     let mut going = VirtualLoop::new(Arc::clone(clock));
-    let mut error = going.finish(&mut heads, world).err();
-    let (mut summaries, mut sinks) = (Vec::new(), Vec::new());
-    let count = heads.len();
-    for (number, head) in heads.iter_mut().enumerate() {
-        let finished = head.sink.finish();
-        going.note_losses(head.sink);
-        let summary = match finished {
-            Ok(summary) => Some(summary),
-            Err(finishing) => {
-                error.get_or_insert(finishing.into());
-                None
-            }
-        };
-        sinks.extend(lines_of_head(number, count, sink_lines(head.sink, summary.as_ref())));
-        summaries.push(summary);
-    }
+    let error = going.finish(&mut heads, world).err();
     let ports = vec![PortReading::of(world.port, 0)];
-    RunOutcome {
-        record: going.into_record(FrameEnd::Dropped),
-        ports,
-        summaries,
-        sinks,
-        lost_threads: Vec::new(),
-        error,
-    }
+    let outcome = going.end(&mut heads, ports, FrameEnd::Dropped);
+    RunOutcome { error: error.or(outcome.error), ..outcome }
+}
+
+/// Adds the losses of a sink to the ledger.
+fn note_losses(record: &mut RunRecord, sink: &mut dyn Sink, now: Tai) {
+    sink.take_losses(&mut |loss| record.note_losses(&[loss], now));
 }

@@ -7,11 +7,11 @@
 
 use crate::runtime::hygiene::{Hygiene, Role};
 use crate::runtime::real_parts::{Head, Setting, Sources};
-use crate::runtime::{RunError, RunOutcome, RunRecord};
-use crate::wiring::run_end::{Flown, RunEnd, keep_first, losses};
+use crate::runtime::{RunError, RunRecord};
+use crate::wiring::run_end::{Landing, RunEnd};
 use crate::wiring::steering::{FarOrder, Orders};
 use crate::wiring::verdict::{Promise, limits};
-use crate::wiring::{assemble::Run, cable::Cable, error::LoopError, far_side::FarSide, replay::Recording};
+use crate::wiring::{assemble::Run, error::LoopError, far_side::FarSide, replay::Recording};
 use crate::{runtime::error::FarEndError, runtime::real_time::run_in};
 use base::clock::{Clock, Monotonic};
 use base::time::Span;
@@ -66,7 +66,7 @@ pub(super) fn fly(
     });
     let (ports, chips) = (core::mem::take(&mut cable.near), core::mem::take(&mut cable.chips));
     let sources = Sources { ports, pulses: cable.pulses.take(), samples, chips };
-    let outcome = run_in(&setting, drawn.collect(), sources, &mut seen_and_reported);
+    let mut outcome = run_in(&setting, drawn.collect(), sources, &mut seen_and_reported);
     let now = clock.now().min(times.end);
     over.store(true, Ordering::SeqCst);
     if let Some(steering) = &steering {
@@ -76,55 +76,26 @@ pub(super) fn fly(
             recording.into_iter().for_each(|tap| tap.note_injected(&event, came));
         }
     }
-    let RunOutcome { mut record, ports, summaries, sinks: sink_lines, lost_threads, error } = outcome;
-    let mut error = error.map(LoopError::from);
+    let mut error = outcome.error.take().map(LoopError::from);
     let mut far = match joined(thread) {
         Ok(far) => far,
         Err(lost) => {
-            keep_first(&mut error, Some(lost));
+            error.get_or_insert(lost.into());
             FarSide::new(&scenario, None, (Vec::new(), Vec::new()), (times, Vec::new()))?
         }
     };
-    notes.into_iter().for_each(|note| record.ledger.note(note));
+    notes.into_iter().for_each(|note| outcome.record.ledger.note(note));
     queue_rest(&mut far, &queue);
-    let desk = desk.lock().unwrap_or_else(PoisonError::into_inner);
-    let faults = desk.lines(heads.iter().map(|head| &head.faults).collect(), &|number| far.hits_aboard(number));
-    let flown = Flown::of(far.vehicle(), far.witness.assessment(), heads[0].engine.params());
-    let assessment = far.witness.finish(&record, &faults, now);
-    let mut end = RunEnd {
-        times,
-        losses: losses(&sink_lines, &record),
-        heads,
-        record,
-        ports,
-        summaries,
-        sink_lines,
-        gateways: cable.gateway_rows(),
-        hygiene: hygiene.map(|hygiene| hygiene.lines()).unwrap_or_default(),
-        assessment,
-        faults,
-        flown,
-        simulated_s: (now - times.zero).s().max(0.0),
-        promise,
-        cut_short: None,
-        error,
-    };
-    lost_threads.into_iter().for_each(|name| end.note_lost_thread(name, now));
-    close(&mut cable, &mut end, now);
-    taps.finish(&mut end, now);
-    Ok(end)
+    let hygiene = hygiene.map(|hygiene| hygiene.lines()).unwrap_or_default();
+    let (simulated_s, cut_short) = ((now - times.zero).s().max(0.0), None);
+    let landing =
+        Landing { times, heads, outcome, far, cable, taps, hygiene, promise, cut_short, now, simulated_s, error };
+    Ok(landing.end(&desk.lock().unwrap_or_else(PoisonError::into_inner)))
 }
 
 /// Passes the witness the frames that its thread has not taken.
 fn queue_rest(far: &mut FarSide, seen: &Queue<(usize, FrameMeta)>) {
     seen.try_iter().for_each(|(head, meta)| far.witness_frame(head, &meta));
-}
-
-/// Closes the gateways; those of their threads that ended early count as losses.
-fn close(cable: &mut Cable, end: &mut RunEnd, now: base::time::Tai) {
-    for _ in 0..cable.close() {
-        end.note_lost_thread("gateway", now);
-    }
 }
 
 /// Links the ends of the run and of the far end's thread: each ends the other.

@@ -1,8 +1,11 @@
 //! Results of a run, finished or in progress, and their expected values by linear theory.
 
-use crate::runtime::{EventKind, PortReading, RunError, RunParams, RunRecord, note_lost_reader, sink_rows};
+use crate::runtime::{EventKind, PortReading, RunOutcome, RunParams, RunRecord, note_lost_reader, sink_rows};
 use crate::wiring::verdict::{CutShort, Facts, Promise, verdict};
-use crate::wiring::{assessment::Assessment, error::LoopError, faults::FaultLine, heads::RunHead, run_times::RunTimes};
+use crate::wiring::{
+    assessment::Assessment, cable::Cable, error::LoopError, far_side::FarSide, fault_desk::FaultDesk,
+    faults::FaultLine, heads::RunHead, run_times::RunTimes, taps::Taps,
+};
 use base::time::{Span, Tai};
 use base::units::ARCSEC;
 use frames::report::{FrameAccount, GatewayRow, HygieneLine, Losses, RunSummary, RunVerdict};
@@ -161,17 +164,64 @@ impl RunEnd {
     }
 }
 
-/// Returns all losses: frames that a sink dropped or refused, sinks that failed, the reader of stars.
-pub(super) fn losses(lines: &[SinkLine], record: &RunRecord) -> Losses {
-    let mut losses = Losses::of_sinks(&sink_rows(lines));
-    note_lost_reader(&mut losses, &record.ledger);
-    losses
+/// What a flight on either clock leaves behind.
+pub(super) struct Landing {
+    /// See [`RunEnd`].
+    pub(super) times: RunTimes,
+    /// See [`RunEnd`].
+    pub(super) heads: Vec<RunHead>,
+    /// The result of its loop.
+    pub(super) outcome: RunOutcome,
+    pub(super) far: FarSide,
+    pub(super) cable: Cable,
+    pub(super) taps: Taps,
+    /// See [`RunEnd`].
+    pub(super) hygiene: Vec<HygieneLine>,
+    /// See [`RunEnd`].
+    pub(super) promise: Promise,
+    /// See [`RunEnd`].
+    pub(super) cut_short: Option<CutShort>,
+    /// When it ended.
+    pub(super) now: Tai,
+    /// See [`RunEnd`].
+    pub(super) simulated_s: f64,
+    /// The first error beside its loop.
+    pub(super) error: Option<LoopError>,
 }
 
-/// Keeps the first error.
-pub(super) fn keep_first(error: &mut Option<LoopError>, next: Option<RunError>) {
-    if let (None, Some(next)) = (&error, next) {
-        *error = Some(next.into());
+impl Landing {
+    /// Sums up telemetry, faults and invariants, and closes what the run had open.
+    pub(super) fn end(self, desk: &FaultDesk) -> RunEnd {
+        let Self { times, heads, outcome, far, mut cable, taps, hygiene, promise, cut_short, now, simulated_s, error } =
+            self;
+        let RunOutcome { record, ports, summaries, sinks: sink_lines, lost_threads, error: of_loop } = outcome;
+        let faults = desk.lines(heads.iter().map(|head| &head.faults).collect(), &|number| far.hits_aboard(number));
+        let flown = Flown::of(far.vehicle(), far.witness.assessment(), heads[0].engine.params());
+        let assessment = far.witness.finish(&record, &faults, now);
+        let mut losses = Losses::of_sinks(&sink_rows(&sink_lines));
+        note_lost_reader(&mut losses, &record.ledger);
+        let mut end = RunEnd {
+            times,
+            heads,
+            record,
+            ports,
+            summaries,
+            sink_lines,
+            gateways: cable.gateway_rows(),
+            losses,
+            hygiene,
+            assessment,
+            faults,
+            flown,
+            simulated_s,
+            promise,
+            cut_short,
+            error: error.or(of_loop.map(LoopError::from)),
+        };
+        lost_threads.into_iter().for_each(|name| end.note_lost_thread(name, now));
+        (0..cable.close()).for_each(|_| end.note_lost_thread("gateway", now));
+        taps.finish(&mut end, now);
+        end
     }
 }
 

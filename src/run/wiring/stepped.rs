@@ -8,10 +8,10 @@
 use crate::runtime::exposing::Exposing;
 use crate::runtime::ledger::{Event as LedgerEvent, EventKind};
 use crate::runtime::virtual_time::{Head, VirtualLoop, World, last_release};
-use crate::runtime::{Ledger, PlantSample, PortReading, RunError, RunParams, RunRecord, TrackerOutput, lines_of_head};
+use crate::runtime::{Ledger, PlantSample, PortReading, RunError, RunParams, RunRecord, TrackerOutput};
 use crate::wiring::assemble::{Outputs, Run, RunOptions};
 use crate::wiring::fault_desk::{FaultDesk, make_ready};
-use crate::wiring::run_end::{Flown, LoopView, RunEnd, keep_first, losses};
+use crate::wiring::run_end::{Flown, Landing, LoopView, RunEnd};
 use crate::wiring::verdict::{CutShort, Facts, Promise, limits, verdict};
 use crate::wiring::{
     cable::Cable, error::LoopError, far_side::FarSide, faults::FaultLine, heads::RunHead,
@@ -104,13 +104,9 @@ impl SteppedRun {
         Ok(())
     }
 
-    /// Makes the flight computer fire a trigger over the bus, to act at `at` or on arrival.
-    ///
-    /// # Errors
-    /// When too many wait to be sent, or the instant is more than an hour away.
-    pub fn send_trigger(&mut self, number: u16, at: Option<Tai>) -> Result<(), LoopError> {
-        let now = self.clock.now();
-        self.far.get_mut().send_trigger(number, at, now)
+    /// Returns the far end of the cable.
+    pub(super) fn far_side(&mut self) -> &mut FarSide {
+        self.far.get_mut()
     }
 
     /// Accepts samples of an external plant, of any instants that have not passed: each reaches the receivers at its
@@ -234,11 +230,6 @@ impl SteppedRun {
         self.far.get_mut().vehicle_mut().map(|vehicle| act(vehicle, now)).ok_or(LoopError::NothingFlown)
     }
 
-    /// Returns the mounting of the first head.
-    pub fn mounting(&self) -> Rotation<Sensor, Body> {
-        self.mounting
-    }
-
     /// Returns the mounting of a head; of the first one when the head does not exist.
     pub fn mounting_of(&self, head: usize) -> Rotation<Sensor, Body> {
         self.heads.get(head).map_or(self.mounting, |head| head.mounting)
@@ -257,20 +248,20 @@ impl SteppedRun {
         if engine.exposing().is_commanded() { u64::MAX } else { u64::from(engine.params().frames) }
     }
 
-    /// Calls `act` with the exposures of a head and the run's time.
+    /// Calls `act` with the exposures of a head.
     ///
     /// # Errors
     /// When the head does not exist.
     pub fn with_exposing<T>(
         &mut self,
         head: usize,
-        act: impl FnOnce(&mut Exposing, &mut Ledger, Tai) -> T,
+        act: impl FnOnce(&mut Exposing, &mut Ledger) -> T,
     ) -> Result<T, LoopError> {
-        let (heads, now) = (self.heads.len(), self.now());
+        let heads = self.heads.len();
         let no_head =
             || LoopError::Event { what: "camera", why: format!("head is {head}; there are {heads}, counted from 0") };
         let head = self.heads.get_mut(head).ok_or_else(no_head)?;
-        Ok(act(head.engine.exposing_mut(), &mut self.going.record_mut().ledger, now))
+        Ok(act(head.engine.exposing_mut(), &mut self.going.record_mut().ledger))
     }
 
     /// Returns the exposures of a head.
@@ -390,54 +381,17 @@ impl SteppedRun {
     }
 
     /// Ends the run, which `error` cut short if there is one: finishes the sinks, and sums up telemetry and invariants.
-    pub fn end(mut self, mut error: Option<LoopError>) -> RunEnd {
+    pub fn end(mut self, error: Option<LoopError>) -> RunEnd {
         self.outs.get_mut().finish();
-        let faults = self.faults();
-        let (mut summaries, mut sink_lines) = (Vec::with_capacity(self.heads.len()), Vec::new());
-        let heads = self.heads.len();
-        for (number, head) in self.heads.iter_mut().enumerate() {
-            let finished = head.sink.finish();
-            self.going.note_losses(&mut *head.sink);
-            let summary = match finished {
-                Ok(summary) => Some(summary),
-                Err(finishing) => {
-                    keep_first(&mut error, Some(finishing.into()));
-                    None
-                }
-            };
-            sink_lines.extend(lines_of_head(number, heads, frames::sink::sink_lines(&*head.sink, summary.as_ref())));
-            summaries.push(summary);
-        }
-        let (now, simulated_s) = (self.now(), self.simulated_s());
-        let flown = {
-            let far = self.far.borrow();
-            Flown::of(far.vehicle(), far.witness.assessment(), self.params())
-        };
-        let ports = self.readings();
+        let (now, simulated_s, ports) = (self.now(), self.simulated_s(), self.readings());
         let is_asked = self.cut_short == Some(CutShort::Finished);
-        let record = self.going.into_record(if is_asked { FrameEnd::Commanded } else { FrameEnd::Dropped });
-        let far = self.far.into_inner();
-        let assessment = far.witness.finish(&record, &faults, now);
-        let mut end = RunEnd {
-            times: self.times,
-            heads: self.heads,
-            losses: losses(&sink_lines, &record),
-            record,
-            ports,
-            summaries,
-            sink_lines,
-            gateways: self.cable.gateway_rows(),
-            hygiene: Vec::new(),
-            assessment,
-            faults,
-            flown,
-            simulated_s,
-            promise: self.promise,
-            cut_short: self.cut_short,
-            error,
-        };
-        self.taps.finish(&mut end, now);
-        end
+        let on_the_way = if is_asked { FrameEnd::Commanded } else { FrameEnd::Dropped };
+        let Self { going, mut heads, cable, far, desk, taps, times, promise, cut_short, .. } = self;
+        let outcome = going.end(&mut heads_to_draw(&mut heads), ports, on_the_way);
+        let (far, hygiene) = (far.into_inner(), Vec::new());
+        let landing =
+            Landing { times, heads, outcome, far, cable, taps, hygiene, promise, cut_short, now, simulated_s, error };
+        landing.end(&desk)
     }
 
     fn go(
@@ -449,15 +403,7 @@ impl SteppedRun {
         let (far, outs) = (&*far, &*outs);
         let no_port = || LoopError::Parts(anyhow::anyhow!("a run without a port"));
         let port = cable.near.first_mut().ok_or_else(no_port)?;
-        let mut heads: Vec<Head<'_>> = heads
-            .iter_mut()
-            .map(|head| Head {
-                engine: &mut head.engine,
-                receiver: &mut head.receiver,
-                sink: &mut *head.sink,
-                faults: Some(&mut head.faults),
-            })
-            .collect();
+        let mut heads = heads_to_draw(heads);
         let mut far_end = |now: Tai| {
             let far_due = far.borrow_mut().step(now)?;
             let out_due = outs.borrow_mut().step(now);
@@ -470,4 +416,15 @@ impl SteppedRun {
         advance(going, &mut heads, &mut World { port, far_end: &mut far_end, progress: &mut progress })?;
         Ok(())
     }
+}
+
+/// Returns the heads as the loop draws them.
+fn heads_to_draw(heads: &mut [RunHead]) -> Vec<Head<'_>> {
+    let heads = heads.iter_mut().map(|RunHead { engine, receiver, sink, faults, .. }| Head {
+        engine,
+        receiver,
+        sink: &mut **sink,
+        faults: Some(faults),
+    });
+    heads.collect()
 }
