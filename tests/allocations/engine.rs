@@ -59,7 +59,7 @@ fn complaints_of(mut bench: Bench) -> Vec<String> {
             let mut timed = FrameRecord::released(number, at, [slot.release, slot.release]);
             timed.times.merge(&times);
             timed.cause = Some(timed.cause_of_lateness(&record.stages));
-            record.count_rendered(&frame, &times);
+            record.count_rendered(&frame, &times, &engine);
             record.ring.push(timed);
             timed.delivered = Some(slot.due);
             record.complete(&timed);
@@ -85,7 +85,7 @@ fn fire(slot: Slot, receiver: &mut Receiver, ledger: &mut Ledger) {
         let value = Message::Command(Command { token, request });
         assert!(receiver.accept(&Stamped { at: slot.release, value }, ledger).is_some(), "is answered");
     }
-    receiver.fire_triggers(slot, ledger, &mut |_| {});
+    receiver.fire_triggers(0, slot, ledger, &mut |_| {});
 }
 
 /// The flight computer, the bus and the clock.

@@ -5,7 +5,7 @@ use base::time::Tai;
 use config::{Bench, StartTime, Wire};
 use frames::sink::{FrameMeta, SentFrame, Sink, SinkError, SinkSummary};
 use link::{Port, simulated::simulated_pair};
-use run::runtime::{FrameEngine, RunOutcome, virtual_time};
+use run::runtime::{FrameEngine, Head, RunOutcome, virtual_time};
 use run::{runtime::receiver::Receiver, wiring::bench_parts};
 use std::sync::{Arc, Mutex};
 use testbed::flight_computer::{FlightComputer, FlightComputerParams};
@@ -93,7 +93,7 @@ pub(crate) struct Flight {
 pub(crate) fn fly(
     bench: &Bench,
     change: impl FnOnce(&mut FlightComputerParams),
-    sink: &mut dyn Sink,
+    sink: Box<dyn Sink>,
     beside: &mut dyn FnMut(Tai, &FlightComputer, &mut Port) -> Option<Tai>,
 ) -> Flight {
     let start = start(bench);
@@ -101,7 +101,7 @@ pub(crate) fn fly(
     let mut computer_params = bench_parts::flight_computer(bench, start);
     change(&mut computer_params);
     let mut computer = FlightComputer::new(computer_params);
-    let mut engine = FrameEngine::new(params.clone()).unwrap();
+    let mut head = Head::new(FrameEngine::new(params.clone()).unwrap(), sink);
     let mut receiver = Receiver::new(params.attitude).unwrap();
     let clock = Arc::new(Virtual::new(start));
     let shared: Arc<dyn Clock> = clock.clone();
@@ -114,16 +114,15 @@ pub(crate) fn fly(
         let due = computer.next_due();
         Ok(beside(now, &computer, &mut far).map_or(due, |wanted| due.min(wanted)))
     };
-    let outcome =
-        virtual_time::run(&mut engine, &mut receiver, &mut near, &clock, sink, &mut far_end, &mut |_, _| true);
+    let outcome = virtual_time::run(&mut head, &mut receiver, &mut near, &clock, &mut far_end, &mut |_, _| true);
     Flight { outcome, computer, receiver }
 }
 
 /// Runs a bench with a changed flight computer and a sink with space for this many frames.
 pub(crate) fn run_changed(bench: &Bench, change: impl FnOnce(&mut FlightComputerParams), space: usize) -> Run {
     let frames = Arc::new(Mutex::new(Vec::new()));
-    let mut sink = Keeper { frames: Arc::clone(&frames), space };
-    let Flight { outcome, computer, .. } = fly(bench, change, &mut sink, &mut |_, _, _| None);
+    let sink = Box::new(Keeper { frames: Arc::clone(&frames), space });
+    let Flight { outcome, computer, .. } = fly(bench, change, sink, &mut |_, _, _| None);
     let frames = frames.lock().unwrap().clone();
     Run { outcome, frames, computer }
 }

@@ -108,7 +108,7 @@ fn all_rejects(ports: &[u32; REASONS], receiver: &Receiver) -> [u32; REASONS] {
         let total = &mut all[usize::from(reason.code())];
         *total = total.saturating_add(u32::try_from(count).unwrap_or(u32::MAX));
     };
-    for counts in [receiver.history().counts(), receiver.jitter().counts()] {
+    for counts in [receiver.history().counts(), receiver.mounting(0).jitter.counts()] {
         add(Reject::StaleTime, counts.stale + counts.older_than_history);
         add(Reject::FutureTime, counts.future);
         add(Reject::NotFinite, counts.not_finite);

@@ -9,10 +9,10 @@
 //! the sinks the trackers' taps, the capture and the live view; the cable and the far end when the run connects; the
 //! events of the file last. Tests: `tests/closed_loop`, above all `matrix`.
 
-use crate::runtime::{Hygiene, Imager};
+use crate::runtime::{Head, Hygiene, Imager, receiver::Receiver};
 use crate::wiring::cable::{Cable, CableSetting};
 use crate::wiring::fault_desk::{FaultDesk, in_order_of_placing};
-use crate::wiring::heads::{CostsHere, HeadSetting, RunHead, make_heads, take_sink};
+use crate::wiring::heads::{CostsHere, HeadSetting, make_heads, make_receiver, size_of, take_sink};
 use crate::wiring::live_tap::{LiveOptions, LiveTap};
 use crate::wiring::memory::{RunForm, RunMemory};
 use crate::wiring::ports::{is_unreachable, needs_real_clock};
@@ -87,7 +87,8 @@ pub struct Run {
     pub(super) scenario: Scenario,
     pub(super) times: RunTimes,
     pub(super) clock: RunClock,
-    pub(super) heads: Vec<RunHead>,
+    pub(super) heads: Vec<Head>,
+    pub(super) receiver: Receiver,
     pub(super) desk: FaultDesk,
     pub(super) faults_of_bus: [FaultControl; 2],
     pub(super) hygiene: Option<Arc<Hygiene>>,
@@ -136,6 +137,7 @@ impl Run {
         };
         let mut heads = make_heads(HeadSetting { scenario: &scenario, start, costs })?;
         drop(cards);
+        let receiver = make_receiver(&scenario, &heads)?;
         arm(&scenario.bench, &mut heads)?;
         let clock = RunClock::new(clock, start);
         let count = heads.iter().filter(|head| head.is_shown).count();
@@ -149,7 +151,7 @@ impl Run {
         };
         let times = times(start, &heads)?;
         let there = Inventory {
-            heads: heads.iter().map(RunHead::size).collect(),
+            heads: heads.iter().map(size_of).collect(),
             wheels: scenario.vehicle().map(|vehicle| vehicle.spacecraft.params.wheels.len()),
         };
         let faults_of_bus = [FaultControl::default(), FaultControl::default()];
@@ -168,6 +170,7 @@ impl Run {
             times,
             clock,
             heads,
+            receiver,
             desk,
             faults_of_bus,
             hygiene,
@@ -267,7 +270,7 @@ impl Run {
     }
 
     /// Returns the heads, the first one first; at least one.
-    pub fn heads(&self) -> &[RunHead] {
+    pub fn heads(&self) -> &[Head] {
         &self.heads
     }
 
@@ -306,7 +309,7 @@ fn check_memory(
 }
 
 /// Returns the instants of a run: from the first exposure of the first head to the end of the last frame of any.
-fn times(start: Tai, heads: &[RunHead]) -> Result<RunTimes, LoopError> {
+fn times(start: Tai, heads: &[Head]) -> Result<RunTimes, LoopError> {
     let params = || heads.iter().map(|head| head.engine.params());
     let zero = params().next().map(|params| params.first_exposure).context("a run without a head")?;
     let end = params().map(|params| params.exposure_start(params.frames)).max().unwrap_or(zero);
@@ -315,7 +318,7 @@ fn times(start: Tai, heads: &[RunHead]) -> Result<RunTimes, LoopError> {
 
 /// Returns the sink for the frames of one head.
 fn sink_of_head(
-    head: &mut RunHead,
+    head: &mut Head,
     (number, count): (usize, usize),
     outputs: &mut Outputs<'_>,
     clock: &RunClock,

@@ -6,7 +6,7 @@
 //! injected, reach the frame thread between two slots and the far end's thread between two steps.
 
 use crate::runtime::hygiene::{Hygiene, Role};
-use crate::runtime::real_parts::{Head, Setting, Sources};
+use crate::runtime::real_parts::{Setting, Sources};
 use crate::runtime::{RunError, RunRecord};
 use crate::wiring::run_end::{Landing, RunEnd};
 use crate::wiring::steering::{FarOrder, Orders};
@@ -35,7 +35,7 @@ pub(super) fn fly(
 ) -> Result<RunEnd, LoopError> {
     let mut far = run.far_side()?;
     let notes = run.place_events(&mut far)?;
-    let Run { scenario, times, mut heads, desk, hygiene, taps, cable, steering, .. } = run;
+    let Run { scenario, times, mut heads, mut receiver, desk, hygiene, taps, cable, steering, .. } = run;
     let mut cable = cable.ok_or_else(|| anyhow::anyhow!("a run without a cable"))?;
     let clock: Arc<dyn Clock> = Arc::<Monotonic>::clone(clock);
     let desk = Arc::new(Mutex::new(desk));
@@ -58,15 +58,9 @@ pub(super) fn fly(
         let _the_witness_may_be_busy = seen.try_send((head, frame.meta.clone()));
         progress(head, frame, record);
     };
-    let drawn = heads.iter_mut().map(|head| Head {
-        engine: &mut head.engine,
-        receiver: &mut head.receiver,
-        sink: core::mem::replace(&mut head.sink, Box::new(frames::sink::NullSink::new())),
-        faults: Some(&mut head.faults),
-    });
     let (ports, chips) = (core::mem::take(&mut cable.near), core::mem::take(&mut cable.chips));
     let sources = Sources { ports, pulses: cable.pulses.take(), samples, chips };
-    let mut outcome = run_in(&setting, drawn.collect(), sources, &mut seen_and_reported);
+    let mut outcome = run_in(&setting, &mut heads, &mut receiver, sources, &mut seen_and_reported);
     let now = clock.now().min(times.end);
     over.store(true, Ordering::SeqCst);
     if let Some(steering) = &steering {
@@ -88,8 +82,21 @@ pub(super) fn fly(
     queue_rest(&mut far, &queue);
     let hygiene = hygiene.map(|hygiene| hygiene.lines()).unwrap_or_default();
     let (simulated_s, cut_short) = ((now - times.zero).s().max(0.0), None);
-    let landing =
-        Landing { times, heads, outcome, far, cable, taps, hygiene, promise, cut_short, now, simulated_s, error };
+    let landing = Landing {
+        times,
+        heads,
+        receiver,
+        outcome,
+        far,
+        cable,
+        taps,
+        hygiene,
+        promise,
+        cut_short,
+        now,
+        simulated_s,
+        error,
+    };
     Ok(landing.end(&desk.lock().unwrap_or_else(PoisonError::into_inner)))
 }
 

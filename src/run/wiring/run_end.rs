@@ -1,10 +1,12 @@
 //! Results of a run, finished or in progress, and their expected values by linear theory.
 
-use crate::runtime::{EventKind, PortReading, RunOutcome, RunParams, RunRecord, note_lost_reader, sink_rows};
+use crate::runtime::{
+    EventKind, Head, PortReading, RunOutcome, RunParams, RunRecord, note_lost_reader, receiver::Receiver, sink_rows,
+};
 use crate::wiring::verdict::{CutShort, Facts, Promise, verdict};
 use crate::wiring::{
     assessment::Assessment, cable::Cable, error::LoopError, far_side::FarSide, fault_desk::FaultDesk,
-    faults::FaultLine, heads::RunHead, run_times::RunTimes, taps::Taps,
+    faults::FaultLine, run_times::RunTimes, taps::Taps,
 };
 use base::time::{Span, Tai};
 use base::units::ARCSEC;
@@ -46,7 +48,9 @@ pub struct RunEnd {
     /// Its instants.
     pub times: RunTimes,
     /// Its heads; at least one.
-    pub heads: Vec<RunHead>,
+    pub heads: Vec<Head>,
+    /// Their receiver.
+    pub receiver: Receiver,
     /// Counts, times and events of the stimulator.
     pub record: RunRecord,
     /// Counters of each port.
@@ -117,7 +121,7 @@ impl RunEnd {
         let first = &self.heads[0];
         let shown = self.heads.iter().position(|head| head.is_shown).unwrap_or(0);
         let sink = self.summaries.get(shown).and_then(Option::as_ref);
-        let mut summary = self.record.summary(&first.engine, &first.receiver, &self.ports, sink);
+        let mut summary = self.record.summary(&first.engine, &self.receiver, &self.ports, sink);
         (summary.verdict, summary.account) = (self.verdict(), self.account());
         summary.frames.scheduled = summary.account.scheduled();
         summary.sinks = sink_rows(&self.sink_lines);
@@ -137,6 +141,7 @@ impl RunEnd {
         let facts = Facts {
             record: &self.record,
             heads: &self.heads,
+            receiver: &self.receiver,
             ports: &self.ports,
             losses: &self.losses,
             zero: self.times.zero,
@@ -169,7 +174,9 @@ pub(super) struct Landing {
     /// See [`RunEnd`].
     pub(super) times: RunTimes,
     /// See [`RunEnd`].
-    pub(super) heads: Vec<RunHead>,
+    pub(super) heads: Vec<Head>,
+    /// See [`RunEnd`].
+    pub(super) receiver: Receiver,
     /// The result of its loop.
     pub(super) outcome: RunOutcome,
     pub(super) far: FarSide,
@@ -192,8 +199,21 @@ pub(super) struct Landing {
 impl Landing {
     /// Sums up telemetry, faults and invariants, and closes what the run had open.
     pub(super) fn end(self, desk: &FaultDesk) -> RunEnd {
-        let Self { times, heads, outcome, far, mut cable, taps, hygiene, promise, cut_short, now, simulated_s, error } =
-            self;
+        let Self {
+            times,
+            heads,
+            receiver,
+            outcome,
+            far,
+            mut cable,
+            taps,
+            hygiene,
+            promise,
+            cut_short,
+            now,
+            simulated_s,
+            error,
+        } = self;
         let RunOutcome { record, ports, summaries, sinks: sink_lines, lost_threads, error: of_loop } = outcome;
         let faults = desk.lines(heads.iter().map(|head| &head.faults).collect(), &|number| far.hits_aboard(number));
         let flown = Flown::of(far.vehicle(), far.witness.assessment(), heads[0].engine.params());
@@ -203,6 +223,7 @@ impl Landing {
         let mut end = RunEnd {
             times,
             heads,
+            receiver,
             record,
             ports,
             summaries,

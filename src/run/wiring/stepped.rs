@@ -7,16 +7,17 @@
 
 use crate::runtime::exposing::Exposing;
 use crate::runtime::ledger::{Event as LedgerEvent, EventKind};
-use crate::runtime::virtual_time::{Head, VirtualLoop, World, last_release};
-use crate::runtime::{Ledger, PlantSample, PortReading, RunError, RunParams, RunRecord, TrackerOutput};
+use crate::runtime::virtual_time::{VirtualLoop, World, last_release};
+use crate::runtime::{
+    Head, Ledger, PlantSample, PortReading, RunError, RunParams, RunRecord, TrackerOutput, receiver::Receiver,
+};
 use crate::wiring::assemble::{Outputs, Run, RunOptions};
 use crate::wiring::fault_desk::{FaultDesk, make_ready};
 use crate::wiring::run_end::{Flown, Landing, LoopView, RunEnd};
 use crate::wiring::verdict::{CutShort, Facts, Promise, limits, verdict};
 use crate::wiring::{
-    cable::Cable, error::LoopError, far_side::FarSide, faults::FaultLine, heads::RunHead,
-    outside_trackers::outside_trackers, run_clock::RunClock, run_times::RunTimes, taps::Taps,
-    tracker_outs::TrackerOuts,
+    cable::Cable, error::LoopError, far_side::FarSide, faults::FaultLine, outside_trackers::outside_trackers,
+    run_clock::RunClock, run_times::RunTimes, taps::Taps, tracker_outs::TrackerOuts,
 };
 use base::axes::{Body, Rotation, Sensor};
 use base::clock::{Clock, Virtual};
@@ -33,7 +34,8 @@ use testbed::vehicle::{HeadReport, TelemetryRow, Vehicle};
 pub struct SteppedRun {
     clock: Arc<Virtual>,
     going: VirtualLoop,
-    heads: Vec<RunHead>,
+    heads: Vec<Head>,
+    receiver: Receiver,
     cable: Cable,
     far: RefCell<FarSide>,
     outs: RefCell<TrackerOuts>,
@@ -68,14 +70,29 @@ impl SteppedRun {
         for note in run.place_events(&mut far)? {
             going.record_mut().ledger.note(note);
         }
-        let Run { scenario, times, heads, desk, taps, cable, outs, .. } = run;
+        let Run { scenario, times, heads, receiver, desk, taps, cable, outs, .. } = run;
         going.set_trackers(outside_trackers(&scenario, times.start)?);
         let cable = cable.ok_or_else(|| anyhow::anyhow!("a run without a cable"))?;
         let (mounting, is_outside) = (scenario.bench.sensor_from_body, scenario.plant == Plant::Outside);
         let (far, outs) = (RefCell::new(far), RefCell::new(outs));
         let (promise, cut_short) = (Promise::of(&scenario, &heads), None);
         going.record_mut().limits = limits(&scenario);
-        Ok(Self { clock, going, heads, cable, far, outs, desk, taps, mounting, times, is_outside, promise, cut_short })
+        Ok(Self {
+            clock,
+            going,
+            heads,
+            receiver,
+            cable,
+            far,
+            outs,
+            desk,
+            taps,
+            mounting,
+            times,
+            is_outside,
+            promise,
+            cut_short,
+        })
     }
 
     /// Calls `on_row` with every row of telemetry from here on.
@@ -94,9 +111,7 @@ impl SteppedRun {
         if let Some(note) = placed.note {
             self.going.record_mut().ledger.note(note);
         }
-        for head in &mut self.heads {
-            make_ready(event, &mut head.engine, &mut head.receiver, Some(&mut head.faults))?;
-        }
+        make_ready(event, self.heads.iter_mut(), &mut self.receiver)?;
         if let Some(recording) = &self.taps.recording {
             recording.note_injected(&placed.event, self.clock.now() - self.times.zero);
         }
@@ -179,8 +194,7 @@ impl SteppedRun {
     /// # Errors
     /// When no sample is near: before the first one, or before the kept ones.
     pub fn attitude_at(&self, at: Tai) -> Result<EstimatedAttitude, LoopError> {
-        let receiver = &self.heads[0].receiver;
-        let estimated = state_at(receiver.history(), at, &receiver.params().estimate);
+        let estimated = state_at(self.receiver.history(), at, &self.receiver.params().estimate);
         estimated.map_err(|error| LoopError::Parts(error.into()))
     }
 
@@ -315,6 +329,7 @@ impl SteppedRun {
         let facts = Facts {
             record: self.record(),
             heads: &self.heads,
+            receiver: &self.receiver,
             ports: &self.readings(),
             losses: &Losses::default(),
             zero: self.times.zero,
@@ -386,24 +401,36 @@ impl SteppedRun {
         let (now, simulated_s, ports) = (self.now(), self.simulated_s(), self.readings());
         let is_asked = self.cut_short == Some(CutShort::Finished);
         let on_the_way = if is_asked { FrameEnd::Commanded } else { FrameEnd::Dropped };
-        let Self { going, mut heads, cable, far, desk, taps, times, promise, cut_short, .. } = self;
-        let outcome = going.end(&mut heads_to_draw(&mut heads), ports, on_the_way);
+        let Self { going, mut heads, receiver, cable, far, desk, taps, times, promise, cut_short, .. } = self;
+        let outcome = going.end(&mut heads, ports, on_the_way);
         let (far, hygiene) = (far.into_inner(), Vec::new());
-        let landing =
-            Landing { times, heads, outcome, far, cable, taps, hygiene, promise, cut_short, now, simulated_s, error };
+        let landing = Landing {
+            times,
+            heads,
+            receiver,
+            outcome,
+            far,
+            cable,
+            taps,
+            hygiene,
+            promise,
+            cut_short,
+            now,
+            simulated_s,
+            error,
+        };
         landing.end(&desk)
     }
 
     fn go(
         &mut self,
         on_frame: &mut dyn FnMut(usize, &mut SentFrame, &RunRecord) -> bool,
-        advance: impl FnOnce(&mut VirtualLoop, &mut [Head<'_>], &mut World<'_>) -> Result<(), RunError>,
+        advance: impl FnOnce(&mut VirtualLoop, &mut [Head], &mut World<'_>) -> Result<(), RunError>,
     ) -> Result<(), LoopError> {
-        let Self { going, heads, cable, far, outs, .. } = self;
+        let Self { going, heads, receiver, cable, far, outs, .. } = self;
         let (far, outs) = (&*far, &*outs);
         let no_port = || LoopError::Parts(anyhow::anyhow!("a run without a port"));
         let port = cable.near.first_mut().ok_or_else(no_port)?;
-        let mut heads = heads_to_draw(heads);
         let mut far_end = |now: Tai| {
             let far_due = far.borrow_mut().step(now)?;
             let out_due = outs.borrow_mut().step(now);
@@ -413,18 +440,7 @@ impl SteppedRun {
             far.borrow_mut().witness_frame(head, &frame.meta);
             on_frame(head, frame, record)
         };
-        advance(going, &mut heads, &mut World { port, far_end: &mut far_end, progress: &mut progress })?;
+        advance(going, heads, &mut World { port, receiver, far_end: &mut far_end, progress: &mut progress })?;
         Ok(())
     }
-}
-
-/// Returns the heads as the loop draws them.
-fn heads_to_draw(heads: &mut [RunHead]) -> Vec<Head<'_>> {
-    let heads = heads.iter_mut().map(|RunHead { engine, receiver, sink, faults, .. }| Head {
-        engine,
-        receiver,
-        sink: &mut **sink,
-        faults: Some(faults),
-    });
-    heads.collect()
 }

@@ -82,10 +82,10 @@ impl Controlled for Steered<'_> {
         head: usize,
         act: impl FnOnce(&mut Exposing, &mut Ledger) -> T + Send + 'static,
     ) -> Result<T, String> {
-        let heads = self.scenario.bench.head_count();
-        let done = self.steering.on_frame_thread(move |parts, record, _release| {
-            let no_head = || format!("head is {head}; there are {heads}, counted from 0");
-            let head = parts.get_mut(head).ok_or_else(no_head)?;
+        let count = self.scenario.bench.head_count();
+        let done = self.steering.on_frame_thread(move |heads, _receiver, record, _release| {
+            let no_head = || format!("head is {head}; there are {count}, counted from 0");
+            let head = heads.get_mut(head).ok_or_else(no_head)?;
             Ok(act(head.engine.exposing_mut(), &mut record.ledger))
         });
         done.map_err(|error| error.to_string())?

@@ -17,9 +17,6 @@ use testbed::tracker::Outcome;
 /// reports of the run do not wait for it.
 const SILENCE_AT_THE_END: Span = Span::from_ms(30_000);
 
-/// Called after each frame with the number of its head.
-pub type Progress<'a> = &'a mut dyn FnMut(usize, &SentFrame, &RunRecord);
-
 /// The run that a session controls.
 pub struct Stage<'a> {
     /// The scenario of the run.
@@ -30,8 +27,8 @@ pub struct Stage<'a> {
     pub newest: &'a mut NewestFrames,
     /// The report of a run under way.
     pub report: &'a mut dyn FnMut(&LoopView<'_>) -> Value,
-    /// Called after each frame.
-    pub progress: Progress<'a>,
+    /// Called after each frame with the number of its head.
+    pub progress: &'a mut dyn FnMut(usize, &SentFrame, &RunRecord),
     /// Set by Ctrl-C.
     pub stop: &'a AtomicBool,
 }
