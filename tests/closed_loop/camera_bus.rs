@@ -1,7 +1,7 @@
 //! Tests camera commands of the flight computer over the bus: the light follows exposure and gain, triggers start
 //! exposures at their instants, and an impossible command is answered with its reason.
 
-use crate::bench::{built_in, start};
+use crate::bench::{built_in, fly_head, start};
 use base::clock::{Clock, Virtual};
 use base::time::{Span, Tai};
 use config::Bench;
@@ -9,7 +9,7 @@ use firmware_protocol::can::IdMap;
 use firmware_protocol::message::{ALL_HEADS, CameraKind, CameraPage, CameraSetting, Refusal};
 use frames::sink::{FrameMeta, NullSink};
 use link::{Port, simulated::simulated_pair};
-use run::runtime::{EventKind, FrameEngine, Head, RunOutcome, virtual_time};
+use run::runtime::{EventKind, FrameEngine, Head, RunOutcome};
 use run::{runtime::receiver::Receiver, wiring::bench_parts};
 use std::sync::Arc;
 use testbed::flight_computer::{CameraAnswers, FlightComputer, Received};
@@ -76,7 +76,7 @@ fn fly(bench: &Bench, said: &[(f64, Said)]) -> Flown {
     let (mut near, mut far) = (Port::new(Box::new(near), format, ids), Port::new(Box::new(far), format, ids));
     let mut computer = FlightComputer::new(bench_parts::flight_computer(bench, start));
     let (mut left, mut frames) = (said.iter().peekable(), Vec::new());
-    let outcome = virtual_time::run(
+    let outcome = fly_head(
         &mut head,
         &mut receiver,
         &mut near,

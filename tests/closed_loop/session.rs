@@ -1,6 +1,6 @@
 //! Tests the session over the simulated bus: HELLO and RUN start it, STOP ends it, STATUS echoes the rendered pointing.
 
-use crate::bench::{built_in, start};
+use crate::bench::{built_in, fly_head, start};
 use base::axes::{Icrf, Rotation, Sensor, ra_dec_roll};
 use base::clock::{Clock, Virtual};
 use base::time::{Span, Tai};
@@ -15,7 +15,7 @@ use firmware_protocol::{can::IdMap, version::Version};
 use frames::sink::NullSink;
 use link::simulated::simulated_bus;
 use link::{Link, Packet, Port, Stamped};
-use run::runtime::{EventKind, FrameEngine, Head, RunOutcome, virtual_time};
+use run::runtime::{EventKind, FrameEngine, Head, RunOutcome};
 use run::{runtime::receiver::Receiver, wiring::bench_parts};
 use std::sync::Arc;
 use testbed::flight_computer::FlightComputer;
@@ -54,7 +54,7 @@ fn overhear(bench: &Bench, script: &[(f64, Says)]) -> Overheard {
     let mut speaker = Speaker { script, next: 0, start };
     let mut computer = FlightComputer::new(bench_parts::flight_computer(bench, start));
     let mut received = Vec::new();
-    let outcome = virtual_time::run(
+    let outcome = fly_head(
         &mut head,
         &mut receiver,
         &mut near,

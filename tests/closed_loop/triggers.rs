@@ -1,7 +1,7 @@
 //! Tests triggers of the flight computer: each acts once, in the frame that contains its instant, and again in a
 //! replay.
 
-use crate::bench::{built_in, start};
+use crate::bench::{built_in, fly_head, start};
 use base::clock::{Clock, Virtual};
 use base::time::{Span, Tai};
 use config::Bench;
@@ -10,7 +10,7 @@ use frames::sink::NullSink;
 use link::capture::{CaptureFormat, CaptureReader, CapturedPacket, Direction};
 use link::{Packet, Port, Stamped};
 use link::{simulated::simulated_pair, tap::Capture};
-use run::runtime::{EventKind, FrameEngine, Head, Ledger, RunOutcome, virtual_time};
+use run::runtime::{EventKind, FrameEngine, Head, Ledger, RunOutcome};
 use run::{runtime::ledger::Event, runtime::receiver::Receiver, wiring::bench_parts};
 use std::sync::Arc;
 use testbed::flight_computer::{FlightComputer, TriggerAnswers};
@@ -69,7 +69,7 @@ fn fly(bench: &Bench, sent: &[Sent], numbers: &[u16]) -> Flown {
     let mut computer = FlightComputer::new(bench_parts::flight_computer(bench, start));
     let mut left = sent.iter();
     let mut next = left.next();
-    let outcome = virtual_time::run(
+    let outcome = fly_head(
         &mut head,
         &mut receiver,
         &mut near,

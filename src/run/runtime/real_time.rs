@@ -16,15 +16,13 @@ use crate::runtime::{
     port_reading::PortReading, real_head::RealHead, received::Received, receiver::Receiver, record::RunRecord,
     reply::Reply, shutter::NextSlot, slot::Slot,
 };
-use base::clock::Clock;
 use base::time::{Span, Tai};
 use core::sync::atomic::{AtomicBool, Ordering};
 use crossbeam_channel::Receiver as Queue;
 use frames::camera_control::{CameraCommand, CommandSource, Commanded, TriggerSource};
-use frames::report::{FrameRecord, RunLimits, Stage};
+use frames::report::{FrameRecord, Stage};
 use frames::sink::SentFrame;
-use link::Port;
-use std::{sync::Arc, time::Duration};
+use std::time::Duration;
 
 /// Time within which a sleeping frame thread notices a stop.
 const STOP_POLL: Span = Span::from_ms(50);
@@ -36,24 +34,9 @@ const JITTER_POLL: Span = Span::from_ms(1);
 /// Initial capacity for the stars of a frame: more stars make its buffers grow, once.
 pub const STARS_AT_FIRST: usize = 16_384;
 
-/// Runs every slot of a head until the end, an error, or `stop`. `progress` is called after each frame and must
-/// not block.
-pub fn run(
-    head: &mut Head,
-    receiver: &mut Receiver,
-    port: Port,
-    clock: &Arc<dyn Clock>,
-    stop: &Arc<AtomicBool>,
-    progress: &mut dyn FnMut(&SentFrame, &RunRecord),
-) -> RunOutcome {
-    let setting = Setting { clock, stop, hygiene: None, ring_frames: 0, limits: RunLimits::default(), orders: None };
-    let heads = core::slice::from_mut(head);
-    run_in(&setting, heads, receiver, port.into(), &mut |_head, frame, record| progress(frame, record))
-}
-
-/// Runs several heads in a given environment. The calling thread becomes the frame thread and keeps its settings. Each
+/// Runs every slot of the heads until the end, an error, or a stop. The calling thread becomes the frame thread and keeps its settings. Each
 /// head has its own slots; heads that are released at the same instant are drawn one after another. `progress` gets the
-/// number of the head, and frames before they are damaged.
+/// number of the head, and frames before they are damaged; it must not block.
 pub fn run_in(
     setting: &Setting<'_>,
     heads: &mut [Head],

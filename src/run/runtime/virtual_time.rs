@@ -3,8 +3,8 @@
 //! Four kinds of events: a sample of an external plant reaches its instant; the other end of the cable has work; a
 //! slot's exposure ends and its frame is drawn; a frame has been read out and goes out. At one instant they come in
 //! that order, except that a frame goes out before the next one is drawn. Drawing takes no simulated time, so nothing
-//! is late; wall times per stage are still measured. [`VirtualLoop`] can be advanced step by step; [`run`] runs it to
-//! the end.
+//! is late; wall times per stage are still measured. [`VirtualLoop`] is advanced step by step, or to the
+//! end.
 
 use crate::runtime::error::{FarEndError, RunError};
 use crate::runtime::ledger::{Event, EventKind};
@@ -52,13 +52,14 @@ struct Pending {
 /// The loop's own state.
 pub struct VirtualLoop {
     clock: Arc<Virtual>,
-    record: RunRecord,
+    /// Counts and events so far.
+    pub record: RunRecord,
     /// When the other end next has work; `None` before the start.
     far_due: Option<Tai>,
-    /// Samples of an external plant.
-    plant: PlantQueue,
-    /// The tracker of each head beside an external plant, where there is one.
-    trackers: Vec<Option<OutsideTracker>>,
+    /// Samples of an external plant that wait for their instants.
+    pub plant: PlantQueue,
+    /// The tracker of each head beside an external plant, where there is one; they receive the frames as they go out.
+    pub trackers: Vec<Option<OutsideTracker>>,
     /// Until when each head's next slot waits for jitter samples; `None` when it is drawn at its release.
     waits_until: Vec<Option<Tai>>,
     pending: VecDeque<Pending>,
@@ -101,16 +102,6 @@ impl VirtualLoop {
         self.clock.now()
     }
 
-    /// Returns counts and events so far.
-    pub fn record(&self) -> &RunRecord {
-        &self.record
-    }
-
-    /// Returns counts and events so far, so that callers can add events.
-    pub fn record_mut(&mut self) -> &mut RunRecord {
-        &mut self.record
-    }
-
     /// Queues samples of an external plant until their instants, all of a list or none. Samples of an instant that has
     /// passed are refused; refusals are counted.
     ///
@@ -125,26 +116,6 @@ impl VirtualLoop {
             samples.iter().for_each(|sample| self.record.ledger.note(refused(sample)));
         }
         put
-    }
-
-    /// Sets the trackers, one entry for each head, that receive the frames as they go out; call before the first frame.
-    pub fn set_trackers(&mut self, trackers: Vec<Option<OutsideTracker>>) {
-        self.trackers = trackers;
-    }
-
-    /// Returns the tracker of a head beside an external plant, if it has one.
-    pub fn tracker(&self, head: usize) -> Option<&OutsideTracker> {
-        self.trackers.get(head).and_then(Option::as_ref)
-    }
-
-    /// Returns the waiting samples of an external plant.
-    pub fn plant(&self) -> &PlantQueue {
-        &self.plant
-    }
-
-    /// Returns whether `progress` ended the run.
-    pub fn is_stopped(&self) -> bool {
-        self.stopped
     }
 
     /// Returns the number of frames drawn that have not gone out, and when the last of them will.
@@ -440,25 +411,6 @@ fn empty_frame(engine: &FrameEngine) -> SentFrame {
     let camera = &engine.params().camera;
     let [width, height] = camera.output().size_px;
     SentFrame::with_capacity(width, height, 0, camera.name.clone())
-}
-
-/// Runs every slot of one head. `far_end` steps the other end of the cable to an instant and returns when it next has
-/// work; `progress` is called after each frame, and returns whether to go on.
-pub fn run(
-    head: &mut Head,
-    receiver: &mut Receiver,
-    port: &mut Port,
-    clock: &Arc<Virtual>,
-    far_end: &mut dyn FnMut(Tai) -> Result<Tai, FarEndError>,
-    progress: &mut dyn FnMut(&SentFrame, &RunRecord) -> bool,
-) -> RunOutcome {
-    let progress = &mut |_head: usize, frame: &mut SentFrame, record: &RunRecord| progress(frame, record);
-    let heads = core::slice::from_mut(head);
-    let (mut going, mut world) = (VirtualLoop::new(Arc::clone(clock)), World { port, receiver, far_end, progress });
-    let error = going.finish(heads, &mut world).err();
-    let ports = vec![PortReading::of(world.port, 0)];
-    let outcome = going.end(heads, ports, FrameEnd::Dropped);
-    RunOutcome { error: error.or(outcome.error), ..outcome }
 }
 
 /// Adds the losses of a sink to the ledger.

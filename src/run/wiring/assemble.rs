@@ -21,7 +21,8 @@ use crate::wiring::sinks::{directory_of_head, make_sinks};
 use crate::wiring::tracker_outs::{TrackerOuts, WaitingOut, tap_heads};
 use crate::wiring::{
     capture_tap::CaptureOptions, display_parts::hold_cards, error::LoopError, far_side::FarSide, faults::Inventory,
-    run_times::RunTimes, sink_setting::SinkSetting, start, steering::Steering, taps::Taps, trigger_lines::arm,
+    run_times::RunTimes, sink_setting::SinkSetting, start, steering::Steering, steering::lock, taps::Taps,
+    trigger_lines::arm,
 };
 use anyhow::Context;
 use base::time::{Span, Tai};
@@ -31,7 +32,8 @@ use frames::camera_control::{CameraDesk, desk};
 use frames::sink::{NullSink, SentFrame, Sink};
 use link::tap::FaultControl;
 use outputs::live::Numbers;
-use std::{path::PathBuf, sync::Arc};
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex};
 use testbed::vehicle::TelemetryRow;
 
 /// Destination of the frames.
@@ -89,7 +91,7 @@ pub struct Run {
     pub(super) clock: RunClock,
     pub(super) heads: Vec<Head>,
     pub(super) receiver: Receiver,
-    pub(super) desk: FaultDesk,
+    pub(super) desk: Arc<Mutex<FaultDesk>>,
     pub(super) faults_of_bus: [FaultControl; 2],
     pub(super) hygiene: Option<Arc<Hygiene>>,
     pub(super) taps: Taps,
@@ -171,7 +173,7 @@ impl Run {
             clock,
             heads,
             receiver,
-            desk,
+            desk: Arc::new(Mutex::new(desk)),
             faults_of_bus,
             hygiene,
             taps,
@@ -249,7 +251,7 @@ impl Run {
         let mut notes = Vec::new();
         for event in in_order_of_placing(&self.scenario.events) {
             let frames = self.heads.iter_mut().map(|head| &mut head.faults).collect();
-            let placed = self.desk.place(event, self.times.start, frames);
+            let placed = lock(&self.desk).place(event, self.times.start, frames);
             notes.extend(placed.note);
             far.take_event(placed, self.times.zero);
         }

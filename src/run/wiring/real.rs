@@ -18,8 +18,7 @@ use base::time::Span;
 use core::sync::atomic::{AtomicBool, Ordering};
 use crossbeam_channel::{Receiver as Queue, bounded};
 use frames::sink::{FrameMeta, SentFrame};
-use std::sync::{Arc, Mutex, PoisonError};
-use std::thread::JoinHandle;
+use std::{sync::Arc, thread::JoinHandle};
 
 /// Interval at which the far end's thread looks for frames and orders.
 const POLL: Span = Span::from_ms(2);
@@ -35,37 +34,36 @@ pub(super) fn fly(
 ) -> Result<RunEnd, LoopError> {
     let mut far = run.far_side()?;
     let notes = run.place_events(&mut far)?;
-    let Run { scenario, times, mut heads, mut receiver, desk, hygiene, taps, cable, steering, .. } = run;
-    let mut cable = cable.ok_or_else(|| anyhow::anyhow!("a run without a cable"))?;
+    let promise = Promise::of(&run.scenario, &run.heads);
+    let Run { scenario, times, heads, receiver, desk, hygiene, taps, cable, steering, .. } = &mut run;
+    let (times, recording, hygiene) = (*times, taps.recording.as_ref(), hygiene.as_ref());
+    let cable = cable.as_mut().ok_or_else(|| anyhow::anyhow!("a run without a cable"))?;
     let clock: Arc<dyn Clock> = Arc::<Monotonic>::clone(clock);
-    let desk = Arc::new(Mutex::new(desk));
     let over = Arc::new(AtomicBool::new(false));
     let (seen, queue) = bounded::<(usize, FrameMeta)>(SEEN_FRAMES * heads.len());
-    let recorded = taps.recording.as_ref().and_then(Recording::samples);
-    let orders = steering.as_ref().map(|steering| steering.attach(&desk, &clock, times, recorded));
+    let recorded = recording.and_then(Recording::samples);
+    let orders = steering.as_ref().map(|steering| steering.attach(desk, &clock, times, recorded));
     let (frame_orders, far_orders, samples) = match orders {
         Some(Orders { frames, far, samples }) => (Some(frames), Some(far), Some(samples)),
         None => (None, None, None),
     };
     let ends = Ends { over: Arc::clone(&over), stop: Arc::clone(stop) };
     let flight = Flight { far, clock: Arc::clone(&clock), ends, seen: queue.clone(), orders: far_orders };
-    let thread = flight.start(hygiene.clone())?;
+    let thread = flight.start(hygiene.map(Arc::clone))?;
     let ring_frames = usize::try_from(scenario.bench.budget.ring_frames).unwrap_or(0);
-    let promise = Promise::of(&scenario, &heads);
-    let (hygienic, orders) = (hygiene.as_ref(), frame_orders.as_ref());
-    let setting = Setting { clock: &clock, stop, hygiene: hygienic, ring_frames, limits: limits(&scenario), orders };
+    let (limits, orders) = (limits(scenario), frame_orders.as_ref());
+    let setting = Setting { clock: &clock, stop, hygiene, ring_frames, limits, orders };
     let mut seen_and_reported = |head: usize, frame: &SentFrame, record: &RunRecord| {
         let _the_witness_may_be_busy = seen.try_send((head, frame.meta.clone()));
         progress(head, frame, record);
     };
     let (ports, chips) = (core::mem::take(&mut cable.near), core::mem::take(&mut cable.chips));
     let sources = Sources { ports, pulses: cable.pulses.take(), samples, chips };
-    let mut outcome = run_in(&setting, &mut heads, &mut receiver, sources, &mut seen_and_reported);
+    let mut outcome = run_in(&setting, heads, receiver, sources, &mut seen_and_reported);
     let now = clock.now().min(times.end);
     over.store(true, Ordering::SeqCst);
-    if let Some(steering) = &steering {
+    if let Some(steering) = steering {
         steering.detach(times, outcome.record.numbers(None));
-        let recording = taps.recording.as_ref();
         for (event, came) in steering.injected() {
             recording.into_iter().for_each(|tap| tap.note_injected(&event, came));
         }
@@ -75,29 +73,13 @@ pub(super) fn fly(
         Ok(far) => far,
         Err(lost) => {
             error.get_or_insert(lost.into());
-            FarSide::new(&scenario, None, (Vec::new(), Vec::new()), (times, Vec::new()))?
+            FarSide::new(scenario, None, (Vec::new(), Vec::new()), (times, Vec::new()))?
         }
     };
     notes.into_iter().for_each(|note| outcome.record.ledger.note(note));
     queue_rest(&mut far, &queue);
-    let hygiene = hygiene.map(|hygiene| hygiene.lines()).unwrap_or_default();
     let (simulated_s, cut_short) = ((now - times.zero).s().max(0.0), None);
-    let landing = Landing {
-        times,
-        heads,
-        receiver,
-        outcome,
-        far,
-        cable,
-        taps,
-        hygiene,
-        promise,
-        cut_short,
-        now,
-        simulated_s,
-        error,
-    };
-    Ok(landing.end(&desk.lock().unwrap_or_else(PoisonError::into_inner)))
+    Ok(run.end(Landing { outcome, far, promise, cut_short, now, simulated_s, error }))
 }
 
 /// Passes the witness the frames that its thread has not taken.

@@ -5,8 +5,8 @@ use crate::runtime::{
 };
 use crate::wiring::verdict::{CutShort, Facts, Promise, verdict};
 use crate::wiring::{
-    assessment::Assessment, cable::Cable, error::LoopError, far_side::FarSide, fault_desk::FaultDesk,
-    faults::FaultLine, run_times::RunTimes, taps::Taps,
+    assemble::Run, assessment::Assessment, cable::Cable, error::LoopError, far_side::FarSide, faults::FaultLine,
+    run_clock::RunClock, run_times::RunTimes, steering::lock,
 };
 use base::time::{Span, Tai};
 use base::units::ARCSEC;
@@ -169,21 +169,11 @@ impl RunEnd {
     }
 }
 
-/// What a flight on either clock leaves behind.
+/// How a flight on either clock came down.
 pub(super) struct Landing {
-    /// See [`RunEnd`].
-    pub(super) times: RunTimes,
-    /// See [`RunEnd`].
-    pub(super) heads: Vec<Head>,
-    /// See [`RunEnd`].
-    pub(super) receiver: Receiver,
     /// The result of its loop.
     pub(super) outcome: RunOutcome,
     pub(super) far: FarSide,
-    pub(super) cable: Cable,
-    pub(super) taps: Taps,
-    /// See [`RunEnd`].
-    pub(super) hygiene: Vec<HygieneLine>,
     /// See [`RunEnd`].
     pub(super) promise: Promise,
     /// See [`RunEnd`].
@@ -196,30 +186,19 @@ pub(super) struct Landing {
     pub(super) error: Option<LoopError>,
 }
 
-impl Landing {
-    /// Sums up telemetry, faults and invariants, and closes what the run had open.
-    pub(super) fn end(self, desk: &FaultDesk) -> RunEnd {
-        let Self {
-            times,
-            heads,
-            receiver,
-            outcome,
-            far,
-            mut cable,
-            taps,
-            hygiene,
-            promise,
-            cut_short,
-            now,
-            simulated_s,
-            error,
-        } = self;
+impl Run {
+    /// Sums up telemetry, faults and invariants of a flight, and closes what the run had open.
+    pub(super) fn end(self, landing: Landing) -> RunEnd {
+        let Self { times, heads, receiver, desk, taps, mut cable, hygiene, clock, .. } = self;
+        let Landing { outcome, far, promise, cut_short, now, simulated_s, error } = landing;
         let RunOutcome { record, ports, summaries, sinks: sink_lines, lost_threads, error: of_loop } = outcome;
-        let faults = desk.lines(heads.iter().map(|head| &head.faults).collect(), &|number| far.hits_aboard(number));
+        let of_frames = heads.iter().map(|head| &head.faults).collect();
+        let faults = lock(&desk).lines(of_frames, &|number| far.hits_aboard(number));
         let flown = Flown::of(far.vehicle(), far.witness.assessment(), heads[0].engine.params());
         let assessment = far.witness.finish(&record, &faults, now);
         let mut losses = Losses::of_sinks(&sink_rows(&sink_lines));
         note_lost_reader(&mut losses, &record.ledger);
+        let hygiene = hygiene.filter(|_| matches!(clock, RunClock::Real(_)));
         let mut end = RunEnd {
             times,
             heads,
@@ -228,9 +207,9 @@ impl Landing {
             ports,
             summaries,
             sink_lines,
-            gateways: cable.gateway_rows(),
+            gateways: cable.as_ref().map(Cable::gateway_rows).unwrap_or_default(),
             losses,
-            hygiene,
+            hygiene: hygiene.map(|hygiene| hygiene.lines()).unwrap_or_default(),
             assessment,
             faults,
             flown,
@@ -240,7 +219,7 @@ impl Landing {
             error: error.or(of_loop.map(LoopError::from)),
         };
         lost_threads.into_iter().for_each(|name| end.note_lost_thread(name, now));
-        (0..cable.close()).for_each(|_| end.note_lost_thread("gateway", now));
+        (0..cable.as_mut().map_or(0, Cable::close)).for_each(|_| end.note_lost_thread("gateway", now));
         taps.finish(&mut end, now);
         end
     }

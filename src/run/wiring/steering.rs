@@ -60,7 +60,8 @@ pub(super) struct Orders {
     pub(super) samples: Queue<Stamped<PlantSample>>,
 }
 
-fn lock<T>(shared: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+/// Locks what threads share, also after one of them has panicked.
+pub(super) fn lock<T>(shared: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
     shared.lock().unwrap_or_else(PoisonError::into_inner)
 }
 

@@ -8,42 +8,28 @@
 use crate::runtime::exposing::Exposing;
 use crate::runtime::ledger::{Event as LedgerEvent, EventKind};
 use crate::runtime::virtual_time::{VirtualLoop, World, last_release};
-use crate::runtime::{
-    Head, Ledger, PlantSample, PortReading, RunError, RunParams, RunRecord, TrackerOutput, receiver::Receiver,
-};
+use crate::runtime::{Head, Ledger, PlantSample, PortReading, RunError, RunParams, RunRecord, TrackerOutput};
 use crate::wiring::assemble::{Outputs, Run, RunOptions};
-use crate::wiring::fault_desk::{FaultDesk, make_ready};
 use crate::wiring::run_end::{Flown, Landing, LoopView, RunEnd};
 use crate::wiring::verdict::{CutShort, Facts, Promise, limits, verdict};
 use crate::wiring::{
-    cable::Cable, error::LoopError, far_side::FarSide, faults::FaultLine, outside_trackers::outside_trackers,
-    run_clock::RunClock, run_times::RunTimes, taps::Taps, tracker_outs::TrackerOuts,
+    error::LoopError, far_side::FarSide, fault_desk::make_ready, faults::FaultLine, outside_trackers::outside_trackers,
+    run_clock::RunClock, run_times::RunTimes, steering::lock,
 };
 use base::axes::{Body, Rotation, Sensor};
-use base::clock::{Clock, Virtual};
 use base::time::{Span, Tai};
 use config::{Event, Plant, Scenario};
 use core::cell::RefCell;
 use frames::report::{FrameEnd, Losses};
 use frames::sink::{SentFrame, Sink};
 use plan::attitude::{EstimatedAttitude, state_at};
-use std::sync::Arc;
 use testbed::vehicle::{HeadReport, TelemetryRow, Vehicle};
 
 /// A run on the virtual clock.
 pub struct SteppedRun {
-    clock: Arc<Virtual>,
+    run: Run,
     going: VirtualLoop,
-    heads: Vec<Head>,
-    receiver: Receiver,
-    cable: Cable,
     far: RefCell<FarSide>,
-    outs: RefCell<TrackerOuts>,
-    desk: FaultDesk,
-    taps: Taps,
-    mounting: Rotation<Sensor, Body>,
-    times: RunTimes,
-    is_outside: bool,
     promise: Promise,
     cut_short: Option<CutShort>,
 }
@@ -66,33 +52,14 @@ impl SteppedRun {
             return Err(anyhow::anyhow!("the real clock cannot be stepped; wanted the virtual clock").into());
         };
         let mut far = run.far_side()?;
-        let mut going = VirtualLoop::new(Arc::clone(&clock));
+        let mut going = VirtualLoop::new(clock);
         for note in run.place_events(&mut far)? {
-            going.record_mut().ledger.note(note);
+            going.record.ledger.note(note);
         }
-        let Run { scenario, times, heads, receiver, desk, taps, cable, outs, .. } = run;
-        going.set_trackers(outside_trackers(&scenario, times.start)?);
-        let cable = cable.ok_or_else(|| anyhow::anyhow!("a run without a cable"))?;
-        let (mounting, is_outside) = (scenario.bench.sensor_from_body, scenario.plant == Plant::Outside);
-        let (far, outs) = (RefCell::new(far), RefCell::new(outs));
-        let (promise, cut_short) = (Promise::of(&scenario, &heads), None);
-        going.record_mut().limits = limits(&scenario);
-        Ok(Self {
-            clock,
-            going,
-            heads,
-            receiver,
-            cable,
-            far,
-            outs,
-            desk,
-            taps,
-            mounting,
-            times,
-            is_outside,
-            promise,
-            cut_short,
-        })
+        going.trackers = outside_trackers(&run.scenario, run.times.start)?;
+        going.record.limits = limits(&run.scenario);
+        let (far, promise) = (RefCell::new(far), Promise::of(&run.scenario, &run.heads));
+        Ok(Self { run, going, far, promise, cut_short: None })
     }
 
     /// Calls `on_row` with every row of telemetry from here on.
@@ -105,17 +72,19 @@ impl SteppedRun {
     /// # Errors
     /// When it names a head or wheel that does not exist.
     pub fn inject(&mut self, event: &Event) -> Result<(), LoopError> {
-        self.desk.check(event)?;
-        let frames = self.heads.iter_mut().map(|head| &mut head.faults).collect();
-        let placed = self.desk.place(event, self.clock.now(), frames);
+        let now = self.now();
+        let Run { desk, heads, receiver, taps, times, .. } = &mut self.run;
+        let mut desk = lock(desk);
+        desk.check(event)?;
+        let placed = desk.place(event, now, heads.iter_mut().map(|head| &mut head.faults).collect());
         if let Some(note) = placed.note {
-            self.going.record_mut().ledger.note(note);
+            self.going.record.ledger.note(note);
         }
-        make_ready(event, self.heads.iter_mut(), &mut self.receiver)?;
-        if let Some(recording) = &self.taps.recording {
-            recording.note_injected(&placed.event, self.clock.now() - self.times.zero);
+        make_ready(event, heads.iter_mut(), receiver)?;
+        if let Some(recording) = &taps.recording {
+            recording.note_injected(&placed.event, now - times.zero);
         }
-        self.far.get_mut().take_event(placed, self.times.zero);
+        self.far.get_mut().take_event(placed, times.zero);
         Ok(())
     }
 
@@ -132,13 +101,13 @@ impl SteppedRun {
     /// When the plant is internal, or a sample is bad.
     pub fn take_plant(&mut self, samples: &[PlantSample]) -> Result<(), LoopError> {
         let refuse = |why: String| LoopError::Event { what: "plant", why };
-        if !self.is_outside {
+        if !self.is_outside() {
             let why = "the spacecraft is moved inside the program; wanted a bench with plant.kind = \"outside\"";
             return Err(refuse(why.into()));
         }
-        let (zero, now) = (self.times.zero, self.now());
+        let (zero, now) = (self.run.times.zero, self.now());
         let put = self.going.put_plant(samples);
-        if let (Ok(()), Some(recording)) = (&put, &self.taps.recording) {
+        if let (Ok(()), Some(recording)) = (&put, &self.run.taps.recording) {
             recording.samples().into_iter().for_each(|tap| tap.note(samples, now));
         }
         put.map_err(|(place, why)| {
@@ -151,18 +120,18 @@ impl SteppedRun {
     /// Counts a list of samples that could not be read.
     pub(super) fn note_bad_samples(&mut self) {
         let now = self.now();
-        self.going.record_mut().ledger.note(LedgerEvent::new(EventKind::SampleRefused, now, None, Span::ZERO));
+        self.going.record.ledger.note(LedgerEvent::new(EventKind::SampleRefused, now, None, Span::ZERO));
     }
 
     /// Returns true when the plant is external.
     pub fn is_outside(&self) -> bool {
-        self.is_outside
+        self.run.scenario.plant == Plant::Outside
     }
 
     /// Returns the number of samples of an external plant that wait for their instants, and the instant of the last
     /// attitude among them.
     pub fn plant_waiting(&self) -> (usize, Option<Tai>) {
-        (self.going.plant().len(), self.going.plant().last_attitude_at())
+        (self.going.plant.len(), self.going.plant.last_attitude_at())
     }
 
     /// Returns the output of a head's built-in tracker for the newest frame that it has processed; `None` before the
@@ -171,7 +140,7 @@ impl SteppedRun {
     /// # Errors
     /// When the head has no tracker.
     pub fn tracker_output(&self, head: usize) -> Result<Option<TrackerOutput>, LoopError> {
-        if let Some(tracker) = self.going.tracker(head) {
+        if let Some(tracker) = self.going.trackers.get(head).and_then(Option::as_ref) {
             return Ok(tracker.output(self.now()));
         }
         let of_report = |report: &HeadReport| {
@@ -180,7 +149,7 @@ impl SteppedRun {
         };
         let found = self.with_vehicle(|vehicle| vehicle.head_reports().nth(head).map(of_report)).flatten();
         found.ok_or_else(|| {
-            let heads = self.heads.len();
+            let heads = self.run.heads.len();
             let why = format!(
                 "head {head} of {heads} has no tracker inside; wanted a head below {heads}, and [plant.tracker] with a plant \
                  outside, or a spacecraft"
@@ -194,7 +163,7 @@ impl SteppedRun {
     /// # Errors
     /// When no sample is near: before the first one, or before the kept ones.
     pub fn attitude_at(&self, at: Tai) -> Result<EstimatedAttitude, LoopError> {
-        let estimated = state_at(self.receiver.history(), at, &self.receiver.params().estimate);
+        let estimated = state_at(self.run.receiver.history(), at, &self.run.receiver.params().estimate);
         estimated.map_err(|error| LoopError::Parts(error.into()))
     }
 
@@ -205,12 +174,12 @@ impl SteppedRun {
 
     /// Returns the time of the first exposure, which is time zero of the scenario.
     pub fn zero(&self) -> Tai {
-        self.times.zero
+        self.run.times.zero
     }
 
     /// Returns the end of the last frame's period.
     pub fn end_at(&self) -> Tai {
-        self.times.end
+        self.run.times.end
     }
 
     /// Returns the simulated time.
@@ -220,14 +189,14 @@ impl SteppedRun {
 
     /// Returns counts and events so far.
     pub fn record(&self) -> &RunRecord {
-        self.going.record()
+        &self.going.record
     }
 
     /// Returns every fault so far with the number of packets, frames or times it hit.
     pub fn faults(&self) -> Vec<FaultLine> {
         let far = self.far.borrow();
-        let frames = self.heads.iter().map(|head| &head.faults).collect();
-        self.desk.lines(frames, &|number| far.hits_aboard(number))
+        let frames = self.run.heads.iter().map(|head| &head.faults).collect();
+        lock(&self.run.desk).lines(frames, &|number| far.hits_aboard(number))
     }
 
     /// Calls `look` with the vehicle, if there is one.
@@ -246,19 +215,19 @@ impl SteppedRun {
 
     /// Returns the mounting of a head; of the first one when the head does not exist.
     pub fn mounting_of(&self, head: usize) -> Rotation<Sensor, Body> {
-        self.heads.get(head).map_or(self.mounting, |head| head.mounting)
+        self.run.heads.get(head).map_or(self.run.scenario.bench.sensor_from_body, |head| head.mounting)
     }
 
     /// Returns when the next known frame goes out; `None` when there is none.
     pub fn next_frame_out(&self) -> Option<Tai> {
-        let next = self.heads[0].engine.exposing().next().slot().map(|slot| slot.due);
+        let next = self.run.heads[0].engine.exposing().next().slot().map(|slot| slot.due);
         self.going.next_out().into_iter().chain(next).min().filter(|at| *at > self.now())
     }
 
     /// Returns the largest number of frames of the first head in the whole run: that of the frame rate, until its
     /// camera is commanded.
     pub fn frames_at_most(&self) -> u64 {
-        let engine = &self.heads[0].engine;
+        let engine = &self.run.heads[0].engine;
         if engine.exposing().is_commanded() { u64::MAX } else { u64::from(engine.params().frames) }
     }
 
@@ -271,16 +240,16 @@ impl SteppedRun {
         head: usize,
         act: impl FnOnce(&mut Exposing, &mut Ledger) -> T,
     ) -> Result<T, LoopError> {
-        let heads = self.heads.len();
+        let heads = self.run.heads.len();
         let no_head =
             || LoopError::Event { what: "camera", why: format!("head is {head}; there are {heads}, counted from 0") };
-        let head = self.heads.get_mut(head).ok_or_else(no_head)?;
-        Ok(act(head.engine.exposing_mut(), &mut self.going.record_mut().ledger))
+        let head = self.run.heads.get_mut(head).ok_or_else(no_head)?;
+        Ok(act(head.engine.exposing_mut(), &mut self.going.record.ledger))
     }
 
     /// Returns the exposures of a head.
     pub fn exposing(&self, head: usize) -> Option<&Exposing> {
-        self.heads.get(head).map(|head| head.engine.exposing())
+        self.run.heads.get(head).map(|head| head.engine.exposing())
     }
 
     /// Returns true when the last frame is out.
@@ -304,7 +273,7 @@ impl SteppedRun {
         // Everything is drawn: the run is over when the last frame is out, even if other events would follow.
         match self.going.on_the_way() {
             _ if at < drawn => Ok(()),
-            (_, Some(last_out)) if at < last_out && at < self.times.end => {
+            (_, Some(last_out)) if at < last_out && at < self.run.times.end => {
                 self.go(on_frame, |going, heads, world| going.advance_to(at, heads, world))
             }
             _ => self.run_to_end(on_frame),
@@ -313,12 +282,12 @@ impl SteppedRun {
 
     /// Returns true when no head has a frame left to draw.
     fn is_drawn(&self) -> bool {
-        self.heads.iter().all(|head| head.engine.exposing().next().is_over(self.now()))
+        self.run.heads.iter().all(|head| head.engine.exposing().next().is_over(self.now()))
     }
 
     /// Returns when the last frame of the run will have been drawn, as known now.
     fn last_release(&self) -> Tai {
-        self.heads.iter().map(|head| last_release(&head.engine)).max().unwrap_or(self.times.end)
+        self.run.heads.iter().map(|head| last_release(&head.engine)).max().unwrap_or(self.run.times.end)
     }
 
     /// Calls `look` with the present results of the run; the caller supplies the frames' CRC-32 of each head.
@@ -328,11 +297,11 @@ impl SteppedRun {
         let flown = Flown::of(far.vehicle(), assessment, self.params());
         let facts = Facts {
             record: self.record(),
-            heads: &self.heads,
-            receiver: &self.receiver,
+            heads: &self.run.heads,
+            receiver: &self.run.receiver,
             ports: &self.readings(),
             losses: &Losses::default(),
-            zero: self.times.zero,
+            zero: self.run.times.zero,
             // Until it ends, nothing is missing that has not come up.
             cut_short: (!self.is_finished()).then_some(CutShort::Finished),
             failure: assessment.first_failure(flown.predicted_pointing_arcsec(), self.record()),
@@ -351,12 +320,12 @@ impl SteppedRun {
 
     /// Returns parameters of the first head.
     fn params(&self) -> &RunParams {
-        self.heads[0].engine.params()
+        self.run.heads[0].engine.params()
     }
 
     /// Returns the time since the first exposure, s; the last frame's readout is not counted.
     fn simulated_s(&self) -> f64 {
-        let RunTimes { zero, end, .. } = self.times;
+        let RunTimes { zero, end, .. } = self.run.times;
         let until = if self.is_finished() { end } else { self.now().min(end) };
         (until - zero).s().max(0.0)
     }
@@ -392,34 +361,18 @@ impl SteppedRun {
     }
 
     fn readings(&self) -> Vec<PortReading> {
-        self.cable.near.iter().map(|port| PortReading::of(port, 0)).collect()
+        self.run.cable.iter().flat_map(|cable| &cable.near).map(|port| PortReading::of(port, 0)).collect()
     }
 
     /// Ends the run, which `error` cut short if there is one: finishes the sinks, and sums up telemetry and invariants.
     pub fn end(mut self, error: Option<LoopError>) -> RunEnd {
-        self.outs.get_mut().finish();
+        self.run.outs.finish();
         let (now, simulated_s, ports) = (self.now(), self.simulated_s(), self.readings());
-        let is_asked = self.cut_short == Some(CutShort::Finished);
+        let Self { mut run, going, far, promise, cut_short, .. } = self;
+        let is_asked = cut_short == Some(CutShort::Finished);
         let on_the_way = if is_asked { FrameEnd::Commanded } else { FrameEnd::Dropped };
-        let Self { going, mut heads, receiver, cable, far, desk, taps, times, promise, cut_short, .. } = self;
-        let outcome = going.end(&mut heads, ports, on_the_way);
-        let (far, hygiene) = (far.into_inner(), Vec::new());
-        let landing = Landing {
-            times,
-            heads,
-            receiver,
-            outcome,
-            far,
-            cable,
-            taps,
-            hygiene,
-            promise,
-            cut_short,
-            now,
-            simulated_s,
-            error,
-        };
-        landing.end(&desk)
+        let outcome = going.end(&mut run.heads, ports, on_the_way);
+        run.end(Landing { outcome, far: far.into_inner(), promise, cut_short, now, simulated_s, error })
     }
 
     fn go(
@@ -427,13 +380,12 @@ impl SteppedRun {
         on_frame: &mut dyn FnMut(usize, &mut SentFrame, &RunRecord) -> bool,
         advance: impl FnOnce(&mut VirtualLoop, &mut [Head], &mut World<'_>) -> Result<(), RunError>,
     ) -> Result<(), LoopError> {
-        let Self { going, heads, receiver, cable, far, outs, .. } = self;
-        let (far, outs) = (&*far, &*outs);
-        let no_port = || LoopError::Parts(anyhow::anyhow!("a run without a port"));
-        let port = cable.near.first_mut().ok_or_else(no_port)?;
+        let Self { run: Run { heads, receiver, cable, outs, .. }, going, far, .. } = self;
+        let (far, port) = (&*far, cable.as_mut().and_then(|cable| cable.near.first_mut()));
+        let port = port.ok_or_else(|| anyhow::anyhow!("a run without a port"))?;
         let mut far_end = |now: Tai| {
             let far_due = far.borrow_mut().step(now)?;
-            let out_due = outs.borrow_mut().step(now);
+            let out_due = outs.step(now);
             Ok(out_due.map_or(far_due, |due| due.min(far_due)))
         };
         let mut progress = |head: usize, frame: &mut SentFrame, record: &RunRecord| {

@@ -39,6 +39,9 @@ impl Instants {
     }
 }
 
+/// An answer, or why there is none.
+pub(super) type Answer<T = Value> = Result<T, Refusal>;
+
 /// A run as its client sees it, on either clock.
 pub(super) trait Controlled {
     /// Name of its clock.
@@ -51,68 +54,81 @@ pub(super) trait Controlled {
     fn is_over(&self, waited: Span) -> bool;
 
     /// Returns true when the session ends although its client goes on.
-    fn is_interrupted(&self) -> bool;
+    fn is_interrupted(&self) -> bool {
+        false
+    }
 
     /// Returns true when the session may end without `finish` as if it had come.
-    fn is_whole(&self) -> bool;
+    fn is_whole(&self) -> bool {
+        false
+    }
 
     /// Waits until the run has begun.
     fn await_begin(&self) {}
 
     /// Returns the instants of the run.
-    fn instants(&self) -> Result<Instants, String>;
+    fn instants(&self) -> Answer<Instants>;
 
     /// Returns instants and counts so far, and whether the run has ended.
-    fn so_far(&self) -> Result<(Instants, RunNumbers, bool), String>;
+    fn so_far(&self) -> Answer<(Instants, RunNumbers, bool)>;
 
     /// Acts on the far end of the cable, between two of its steps.
-    fn on_far_side<T: Send + 'static>(
-        &mut self,
-        act: impl FnOnce(&mut FarSide) -> T + Send + 'static,
-    ) -> Result<T, String>;
+    fn on_far_side<T: Send + 'static>(&mut self, act: impl FnOnce(&mut FarSide) -> T + Send + 'static) -> Answer<T>;
 
     /// Acts on the exposures of a head, between two of its slots.
     fn on_exposing<T: Send + 'static>(
         &mut self,
         head: usize,
         act: impl FnOnce(&mut Exposing, &mut Ledger) -> T + Send + 'static,
-    ) -> Result<T, String>;
+    ) -> Answer<T>;
 
     /// Adds an event; returns when it begins, s.
-    fn inject(&mut self, event: &Event) -> Result<f64, String>;
+    fn inject(&mut self, event: &Event) -> Answer<f64>;
 
     /// Fires a trigger.
-    fn fire(&mut self, number: u16, at: Option<Tai>) -> Result<(), LoopError>;
+    fn fire(&mut self, number: u16, at: Option<Tai>) -> Answer<()>;
 
     /// Queues samples of an external plant.
-    fn take_samples(&mut self, samples: &SampleList) -> Result<Value, String>;
+    fn take_samples(&mut self, samples: &SampleList) -> Answer;
 
     /// Counts a list of samples that could not be read.
-    fn note_bad_samples(&mut self) -> Result<(), String>;
+    fn note_bad_samples(&mut self) -> Answer<()>;
 
     /// Returns the newest frame of a head.
-    fn frame(&self, head: usize, path: Option<&str>, pixels: bool) -> Result<Value, String>;
+    fn frame(&self, head: usize, path: Option<&str>, pixels: bool) -> Answer;
 
     /// Returns the attitude that frames are drawn with according to an external plant; `None` where the true one is
     /// known here.
-    fn received_truth(&self, at_s: Option<f64>) -> Option<Result<Value, String>>;
+    fn received_truth(&self, _at_s: Option<f64>) -> Option<Answer> {
+        None
+    }
 
     /// Advances the clock.
-    fn step(&mut self, by: StepBy) -> Result<Value, Refusal>;
+    fn step(&mut self, _by: StepBy) -> Answer {
+        Err(refuse("the real clock cannot be held: ask for state, or run with --clock virtual to step"))
+    }
 
     /// Returns the output of a head's built-in tracker for the newest frame that it has processed.
-    fn tracker(&self, head: usize) -> Result<Value, String>;
+    fn tracker(&self, _head: usize) -> Answer {
+        Err(refuse("the real clock goes on meanwhile: ask for estimate, or run with --clock virtual"))
+    }
 
     /// Returns the report so far.
-    fn summary(&mut self) -> Result<Value, String>;
+    fn summary(&mut self) -> Answer {
+        Err(refuse("the report is made when the run ends: ask for state, or send finish"))
+    }
+}
+
+fn refuse(why: &str) -> Refusal {
+    Refusal::Request(why.into())
 }
 
 /// Answers one request.
-pub(super) fn answer(request: Request, run: &mut impl Controlled) -> Result<Value, Refusal> {
-    let answer = match request {
+pub(super) fn answer(request: Request, run: &mut impl Controlled) -> Answer {
+    match request {
         Request::Hello { .. } => hello(run),
         Request::State => state(run),
-        Request::Step(by) => return run.step(by),
+        Request::Step(by) => run.step(by),
         Request::Inject(keys) => inject(&keys, run),
         Request::Trigger { number, at_s } => trigger(number, at_s, run),
         Request::Truth { at_s } => truth(at_s, run),
@@ -123,26 +139,25 @@ pub(super) fn answer(request: Request, run: &mut impl Controlled) -> Result<Valu
         Request::Frame { head, path, pixels } => run.frame(head, path.as_deref(), pixels),
         Request::React(reaction) => {
             let Instants { zero, now, .. } = run.instants()?;
-            run.on_far_side(move |far| {
+            Ok(run.on_far_side(move |far| {
                 let vehicle = far.vehicle_mut().ok_or_else(|| LoopError::NothingFlown.to_string())?;
                 reaction.act(vehicle, zero, now)
-            })?
+            })??)
         }
         Request::Tracker { head } => run.tracker(head),
         Request::Camera(camera) => {
             let Instants { zero, now, .. } = run.instants()?;
-            run.on_exposing(camera.head, move |exposing, ledger| camera.act(exposing, ledger, zero, now))?
+            Ok(run.on_exposing(camera.head, move |exposing, ledger| camera.act(exposing, ledger, zero, now))??)
         }
-        Request::BadSamples(why) => run.note_bad_samples().and(Err(why)),
+        Request::BadSamples(why) => run.note_bad_samples().and(Err(Refusal::Request(why))),
         Request::Plant(samples) => run.take_samples(&samples),
         Request::Summary => run.summary(),
         Request::Finish => Ok(Value::Null),
-    };
-    Ok(answer?)
+    }
 }
 
 /// Returns the answer to hello: scenario, protocol and clock of the run.
-pub(super) fn hello<R: Controlled>(run: &R) -> Result<Value, String> {
+pub(super) fn hello<R: Controlled>(run: &R) -> Answer {
     run.await_begin();
     let (scenario, instants) = (run.scenario(), run.instants()?);
     let (camera, timing) = (&scenario.bench.camera, &scenario.bench.timing);
@@ -167,7 +182,7 @@ pub(super) fn hello<R: Controlled>(run: &R) -> Result<Value, String> {
 }
 
 /// Returns counts so far, and the mode of the flight computer if a spacecraft is flown.
-fn state(run: &mut impl Controlled) -> Result<Value, String> {
+fn state(run: &mut impl Controlled) -> Answer {
     let (instants, numbers, is_finished) = run.so_far()?;
     // A run on the real clock that is over has no far end any more.
     let mode = match run.on_far_side(|far| far.vehicle().map(Vehicle::mode)) {
@@ -199,7 +214,7 @@ fn state(run: &mut impl Controlled) -> Result<Value, String> {
     }))
 }
 
-fn inject(keys: &Map<String, Value>, run: &mut impl Controlled) -> Result<Value, String> {
+fn inject(keys: &Map<String, Value>, run: &mut impl Controlled) -> Answer {
     let now_s = run.instants()?.now_s();
     let frame_period = Span::from_s(1.0 / run.scenario().bench.timing.frame_rate_hz);
     let event = Event::from_json(keys, now_s, frame_period).map_err(|error| error.to_string())?;
@@ -208,19 +223,19 @@ fn inject(keys: &Map<String, Value>, run: &mut impl Controlled) -> Result<Value,
 }
 
 /// Fires a trigger; the events in the report show whether the stimulator accepts it.
-fn trigger(number: u16, at_s: Option<f64>, run: &mut impl Controlled) -> Result<Value, String> {
+fn trigger(number: u16, at_s: Option<f64>, run: &mut impl Controlled) -> Answer {
     let instants = run.instants()?;
-    run.fire(number, at_s.map(|_| instants.at(at_s))).map_err(|error| error.to_string())?;
+    run.fire(number, at_s.map(|_| instants.at(at_s)))?;
     Ok(json!({ "number": number, "at_s": at_s.unwrap_or_else(|| instants.now_s()) }))
 }
 
 /// Returns the attitude of the first head: the true one where it is known here.
-fn truth(at_s: Option<f64>, run: &mut impl Controlled) -> Result<Value, String> {
+fn truth(at_s: Option<f64>, run: &mut impl Controlled) -> Answer {
     if let Some(received) = run.received_truth(at_s) {
         return received;
     }
     let (mounting, instants) = (run.scenario().bench.sensor_from_body, run.instants()?);
-    run.on_far_side(move |far| true_attitude(at_s, far.vehicle(), mounting, &instants))?
+    Ok(run.on_far_side(move |far| true_attitude(at_s, far.vehicle(), mounting, &instants))??)
 }
 
 /// Returns an attitude that a tracker has found.

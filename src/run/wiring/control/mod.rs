@@ -31,7 +31,7 @@ pub use lines::ControlAddress;
 
 use crate::wiring::error::LoopError;
 use admission::{Admitted, admit, foreign_sentence};
-use answers::Controlled;
+use answers::{Answer, Controlled};
 use base::clock::{Clock, Monotonic};
 use core::sync::atomic::AtomicBool;
 use lines::{Incoming, LineSocket};
@@ -120,10 +120,7 @@ impl ControlSession {
 
     fn serve_run(&mut self, run: &mut impl Controlled) -> Result<SessionEnd, LoopError> {
         if let Some(id) = self.hello.take() {
-            self.socket.send(&match answers::hello(run) {
-                Ok(hello) => reported(id, hello),
-                Err(why) => refused(id, &why),
-            });
+            self.reply(id, answers::hello(run))?;
         }
         let clock = Monotonic::start();
         loop {
@@ -144,18 +141,24 @@ impl ControlSession {
                 Ok(request) => answers::answer(request, run),
                 Err(why) => Err(Refusal::Request(why)),
             };
-            match answer {
-                Ok(answer) => self.socket.send(&reported(id, answer)),
-                Err(Refusal::Request(why)) => self.socket.send(&refused(id, &why)),
-                Err(Refusal::Loop(error)) => {
-                    self.socket.send(&refused(id, &format!("the run failed and is over: {error}")));
-                    return Err(error);
-                }
-            }
+            self.reply(id, answer)?;
             if run.is_interrupted() {
                 return Ok(SessionEnd::Interrupted);
             }
         }
+    }
+
+    /// Sends an answer; returns the error of a loop that failed.
+    fn reply(&mut self, id: Option<Value>, answer: Answer) -> Result<(), LoopError> {
+        match answer {
+            Ok(answer) => self.socket.send(&reported(id, answer)),
+            Err(Refusal::Request(why)) => self.socket.send(&refused(id, &why)),
+            Err(Refusal::Loop(error)) => {
+                self.socket.send(&refused(id, &format!("the run failed and is over: {error}")));
+                return Err(error);
+            }
+        }
+        Ok(())
     }
 
     /// Reads the next line that may be a request; invalid lines are answered here.
@@ -210,6 +213,6 @@ impl From<String> for Refusal {
 
 impl From<LoopError> for Refusal {
     fn from(error: LoopError) -> Self {
-        Self::Loop(error)
+        Self::Request(error.to_string())
     }
 }

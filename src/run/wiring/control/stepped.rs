@@ -1,6 +1,6 @@
 //! A run on the virtual clock as its client sees it: it stands still between two requests.
 
-use super::answers::{Controlled, Instants, attitude, solved};
+use super::answers::{Answer, Controlled, Instants, attitude, solved};
 use super::protocol::StepBy;
 use super::{NewestFrames, Refusal, samples::SampleList};
 use crate::runtime::{Ledger, RunRecord, TrackerOutput, engine::origin_name, exposing::Exposing};
@@ -52,18 +52,15 @@ impl Controlled for Stage<'_> {
         self.going.is_finished()
     }
 
-    fn instants(&self) -> Result<Instants, String> {
+    fn instants(&self) -> Answer<Instants> {
         Ok(Instants { zero: self.going.zero(), now: self.going.now(), end: self.going.end_at() })
     }
 
-    fn so_far(&self) -> Result<(Instants, RunNumbers, bool), String> {
+    fn so_far(&self) -> Answer<(Instants, RunNumbers, bool)> {
         Ok((self.instants()?, self.going.record().numbers(None), self.going.is_finished()))
     }
 
-    fn on_far_side<T: Send + 'static>(
-        &mut self,
-        act: impl FnOnce(&mut FarSide) -> T + Send + 'static,
-    ) -> Result<T, String> {
+    fn on_far_side<T: Send + 'static>(&mut self, act: impl FnOnce(&mut FarSide) -> T + Send + 'static) -> Answer<T> {
         Ok(act(self.going.far_side()))
     }
 
@@ -71,54 +68,55 @@ impl Controlled for Stage<'_> {
         &mut self,
         head: usize,
         act: impl FnOnce(&mut Exposing, &mut Ledger) -> T + Send + 'static,
-    ) -> Result<T, String> {
-        self.going.with_exposing(head, act).map_err(|error| error.to_string())
+    ) -> Answer<T> {
+        Ok(self.going.with_exposing(head, act)?)
     }
 
-    fn inject(&mut self, event: &Event) -> Result<f64, String> {
-        self.going.inject(event).map_err(|error| error.to_string())?;
+    fn inject(&mut self, event: &Event) -> Answer<f64> {
+        self.going.inject(event)?;
         Ok(event.at.s().max(self.instants()?.now_s()))
     }
 
     /// Sends the trigger over the bus.
-    fn fire(&mut self, number: u16, at: Option<Tai>) -> Result<(), LoopError> {
+    fn fire(&mut self, number: u16, at: Option<Tai>) -> Answer<()> {
         let now = self.going.now();
-        self.going.far_side().send_trigger(number, at, now)
+        Ok(self.going.far_side().send_trigger(number, at, now)?)
     }
 
     /// Queues samples until their instants.
-    fn take_samples(&mut self, samples: &SampleList) -> Result<Value, String> {
+    fn take_samples(&mut self, samples: &SampleList) -> Answer {
         let instants = self.instants()?;
         let samples = samples.since(instants.zero);
-        self.going.take_plant(&samples).map_err(|error| error.to_string())?;
+        self.going.take_plant(&samples)?;
         let (waiting, attitude_until) = self.going.plant_waiting();
         let attitude_until_s = attitude_until.map(|at| instants.s(at));
         Ok(json!({ "taken": samples.len(), "waiting": waiting, "attitude_until_s": attitude_until_s }))
     }
 
-    fn note_bad_samples(&mut self) -> Result<(), String> {
+    fn note_bad_samples(&mut self) -> Answer<()> {
         self.going.note_bad_samples();
         Ok(())
     }
 
-    fn frame(&self, head: usize, path: Option<&str>, pixels: bool) -> Result<Value, String> {
-        self.newest.answer(head, path, pixels, self.going.zero())
+    fn frame(&self, head: usize, path: Option<&str>, pixels: bool) -> Answer {
+        Ok(self.newest.answer(head, path, pixels, self.going.zero())?)
     }
 
-    fn received_truth(&self, at_s: Option<f64>) -> Option<Result<Value, String>> {
-        self.going.is_outside().then(|| received_truth(at_s, self.going, &self.instants()?))
+    fn received_truth(&self, at_s: Option<f64>) -> Option<Answer> {
+        self.going.is_outside().then(|| Ok(received_truth(at_s, self.going, &self.instants()?)?))
     }
 
-    fn step(&mut self, by: StepBy) -> Result<Value, Refusal> {
+    fn step(&mut self, by: StepBy) -> Answer {
         let goal = step_goal(by, self.going, &self.instants()?, self.newest.out_of_first_head())?;
         let before = self.newest.out();
         match goal {
-            Goal::Time(at) => self.advance_to(at)?,
+            Goal::Time(at) => self.advance_to(at).map_err(Refusal::Loop)?,
             Goal::Frames(out) => {
                 let is_short = |stage: &Self| stage.newest.out_of_first_head() < out && !stage.going.is_finished();
                 while is_short(self) && !self.stop.load(Ordering::Relaxed) {
                     // Dropped and late frames do not go out at the end of their own readout: wait for later frames.
-                    self.advance_to(self.going.next_frame_out().unwrap_or(self.going.end_at()))?;
+                    let at = self.going.next_frame_out().unwrap_or(self.going.end_at());
+                    self.advance_to(at).map_err(Refusal::Loop)?;
                 }
             }
         }
@@ -131,8 +129,8 @@ impl Controlled for Stage<'_> {
         }))
     }
 
-    fn tracker(&self, head: usize) -> Result<Value, String> {
-        let output = self.going.tracker_output(head).map_err(|error| error.to_string())?;
+    fn tracker(&self, head: usize) -> Answer {
+        let output = self.going.tracker_output(head)?;
         let Some(TrackerOutput { frame, mid_exposure, outcome }) = output else {
             return Ok(json!({ "valid": false, "stars": 0, "reason": "no frame yet" }));
         };
@@ -151,7 +149,7 @@ impl Controlled for Stage<'_> {
         Ok(answer)
     }
 
-    fn summary(&mut self) -> Result<Value, String> {
+    fn summary(&mut self) -> Answer {
         let report = self.going.look(self.newest.frames_crc32(), &mut *self.report);
         Ok(json!({ "finished": self.going.is_finished(), "report": report }))
     }
