@@ -11,7 +11,7 @@
 
 use crate::runtime::{Head, Hygiene, Imager, receiver::Receiver};
 use crate::wiring::cable::{Cable, CableSetting};
-use crate::wiring::fault_desk::{FaultDesk, in_order_of_placing};
+use crate::wiring::fault_desk::{FaultDesk, in_order_of_placing, lock};
 use crate::wiring::heads::{CostsHere, HeadSetting, make_heads, make_receiver, size_of, take_sink};
 use crate::wiring::live_tap::{LiveOptions, LiveTap};
 use crate::wiring::memory::{RunForm, RunMemory};
@@ -21,8 +21,7 @@ use crate::wiring::sinks::{directory_of_head, make_sinks};
 use crate::wiring::tracker_outs::{TrackerOuts, WaitingOut, tap_heads};
 use crate::wiring::{
     capture_tap::CaptureOptions, display_parts::hold_cards, error::LoopError, far_side::FarSide, faults::Inventory,
-    run_times::RunTimes, sink_setting::SinkSetting, start, steering::Steering, steering::lock, taps::Taps,
-    trigger_lines::arm,
+    run_times::RunTimes, sink_setting::SinkSetting, start, steering::Steering, taps::Taps, trigger_lines::arm,
 };
 use anyhow::Context;
 use base::time::{Span, Tai};

@@ -10,6 +10,7 @@ use base::axes::{Body, Rotation, Sensor};
 use base::time::Tai;
 use config::{Action, Event};
 use link::tap::FaultControl;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// The faults of a run, and where they act.
 #[derive(Debug)]
@@ -96,4 +97,9 @@ pub(super) fn make_ready<'a>(
 ) -> Result<(), RunError> {
     event.on_trigger.into_iter().for_each(|number| receiver.expect_trigger(number));
     heads.try_for_each(|Head { engine, faults, .. }| faults.prepare(engine))
+}
+
+/// Locks what threads share, also after one of them has panicked.
+pub(super) fn lock<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
+    shared.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -8,10 +8,10 @@
 use crate::runtime::hygiene::{Hygiene, Role};
 use crate::runtime::real_parts::{Setting, Sources};
 use crate::runtime::{RunError, RunRecord};
-use crate::wiring::run_end::{Landing, RunEnd};
 use crate::wiring::steering::{FarOrder, Orders};
 use crate::wiring::verdict::{Promise, limits};
 use crate::wiring::{assemble::Run, error::LoopError, far_side::FarSide, replay::Recording};
+use crate::wiring::{landing::Landing, run_end::RunEnd};
 use crate::{runtime::error::FarEndError, runtime::real_time::run_in};
 use base::clock::{Clock, Monotonic};
 use base::time::Span;

@@ -1,13 +1,8 @@
 //! Results of a run, finished or in progress, and their expected values by linear theory.
 
-use crate::runtime::{
-    EventKind, Head, PortReading, RunOutcome, RunParams, RunRecord, note_lost_reader, receiver::Receiver, sink_rows,
-};
+use crate::runtime::{EventKind, Head, PortReading, RunParams, RunRecord, receiver::Receiver, sink_rows};
 use crate::wiring::verdict::{CutShort, Facts, Promise, verdict};
-use crate::wiring::{
-    assemble::Run, assessment::Assessment, cable::Cable, error::LoopError, far_side::FarSide, faults::FaultLine,
-    run_clock::RunClock, run_times::RunTimes, steering::lock,
-};
+use crate::wiring::{assessment::Assessment, error::LoopError, faults::FaultLine, run_times::RunTimes};
 use base::time::{Span, Tai};
 use base::units::ARCSEC;
 use frames::report::{FrameAccount, GatewayRow, HygieneLine, Losses, RunSummary, RunVerdict};
@@ -166,62 +161,6 @@ impl RunEnd {
     /// Returns true when expectations and invariants are met.
     pub fn holds(&self) -> bool {
         self.first_failure().is_none()
-    }
-}
-
-/// How a flight on either clock came down.
-pub(super) struct Landing {
-    /// The result of its loop.
-    pub(super) outcome: RunOutcome,
-    pub(super) far: FarSide,
-    /// See [`RunEnd`].
-    pub(super) promise: Promise,
-    /// See [`RunEnd`].
-    pub(super) cut_short: Option<CutShort>,
-    /// When it ended.
-    pub(super) now: Tai,
-    /// See [`RunEnd`].
-    pub(super) simulated_s: f64,
-    /// The first error beside its loop.
-    pub(super) error: Option<LoopError>,
-}
-
-impl Run {
-    /// Sums up telemetry, faults and invariants of a flight, and closes what the run had open.
-    pub(super) fn end(self, landing: Landing) -> RunEnd {
-        let Self { times, heads, receiver, desk, taps, mut cable, hygiene, clock, .. } = self;
-        let Landing { outcome, far, promise, cut_short, now, simulated_s, error } = landing;
-        let RunOutcome { record, ports, summaries, sinks: sink_lines, lost_threads, error: of_loop } = outcome;
-        let of_frames = heads.iter().map(|head| &head.faults).collect();
-        let faults = lock(&desk).lines(of_frames, &|number| far.hits_aboard(number));
-        let flown = Flown::of(far.vehicle(), far.witness.assessment(), heads[0].engine.params());
-        let assessment = far.witness.finish(&record, &faults, now);
-        let mut losses = Losses::of_sinks(&sink_rows(&sink_lines));
-        note_lost_reader(&mut losses, &record.ledger);
-        let hygiene = hygiene.filter(|_| matches!(clock, RunClock::Real(_)));
-        let mut end = RunEnd {
-            times,
-            heads,
-            receiver,
-            record,
-            ports,
-            summaries,
-            sink_lines,
-            gateways: cable.as_ref().map(Cable::gateway_rows).unwrap_or_default(),
-            losses,
-            hygiene: hygiene.map(|hygiene| hygiene.lines()).unwrap_or_default(),
-            assessment,
-            faults,
-            flown,
-            simulated_s,
-            promise,
-            cut_short,
-            error: error.or(of_loop.map(LoopError::from)),
-        };
-        lost_threads.into_iter().for_each(|name| end.note_lost_thread(name, now));
-        (0..cable.as_mut().map_or(0, Cable::close)).for_each(|_| end.note_lost_thread("gateway", now));
-        taps.finish(&mut end, now);
-        end
     }
 }
 

@@ -8,7 +8,7 @@
 
 use crate::runtime::ledger::{Event as LedgerEvent, EventKind};
 use crate::runtime::{Head, PlantSample, RunError, RunRecord, real_parts::FrameOrder, receiver::Receiver};
-use crate::wiring::fault_desk::{FaultDesk, make_ready};
+use crate::wiring::fault_desk::{FaultDesk, lock, make_ready};
 use crate::wiring::{
     control::NewestFrames, error::LoopError, far_side::FarSide, replay::SampleTap, run_times::RunTimes,
 };
@@ -20,7 +20,7 @@ use crossbeam_channel::{Receiver as Queue, RecvTimeoutError, Sender, TrySendErro
 use frames::report::RunNumbers;
 use frames::sink::{NullSink, SentFrame, Sink, SinkError, SinkSummary, Tee};
 use link::Stamped;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 /// Capacity for orders that wait for the frame thread or the far end.
 const ORDERS: usize = 16;
@@ -58,11 +58,6 @@ pub(super) struct Orders {
     pub(super) frames: Queue<FrameOrder>,
     pub(super) far: Queue<FarOrder>,
     pub(super) samples: Queue<Stamped<PlantSample>>,
-}
-
-/// Locks what threads share, also after one of them has panicked.
-pub(super) fn lock<T>(shared: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
-    shared.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Returns why a request did not reach a thread of the run.

@@ -10,11 +10,12 @@ use crate::runtime::ledger::{Event as LedgerEvent, EventKind};
 use crate::runtime::virtual_time::{VirtualLoop, World, last_release};
 use crate::runtime::{Head, Ledger, PlantSample, PortReading, RunError, RunParams, RunRecord, TrackerOutput};
 use crate::wiring::assemble::{Outputs, Run, RunOptions};
-use crate::wiring::run_end::{Flown, Landing, LoopView, RunEnd};
+use crate::wiring::fault_desk::{lock, make_ready};
+use crate::wiring::run_end::{Flown, LoopView, RunEnd};
 use crate::wiring::verdict::{CutShort, Facts, Promise, limits, verdict};
 use crate::wiring::{
-    error::LoopError, far_side::FarSide, fault_desk::make_ready, faults::FaultLine, outside_trackers::outside_trackers,
-    run_clock::RunClock, run_times::RunTimes, steering::lock,
+    error::LoopError, far_side::FarSide, faults::FaultLine, landing::Landing, outside_trackers::outside_trackers,
+    run_clock::RunClock, run_times::RunTimes,
 };
 use base::axes::{Body, Rotation, Sensor};
 use base::time::{Span, Tai};

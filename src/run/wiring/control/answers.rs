@@ -3,7 +3,6 @@
 //! [`answer`] is the one table of requests, for both clocks; [`Controlled`] is what it needs of a run. Answers of one
 //! clock only are in `stepped` and `steered`.
 
-use super::Refusal;
 use crate::runtime::{Ledger, exposing::Exposing};
 use crate::wiring::control::protocol::{PROTOCOL_VERSION, REQUESTS, Request, StepBy};
 use crate::wiring::{assessment::mode_name, control::samples::SampleList, error::LoopError, far_side::FarSide};
@@ -116,6 +115,26 @@ pub(super) trait Controlled {
     /// Returns the report so far.
     fn summary(&mut self) -> Answer {
         Err(refuse("the report is made when the run ends: ask for state, or send finish"))
+    }
+}
+
+/// Reason why a request is not executed.
+pub(super) enum Refusal {
+    /// Something is wrong with the request; the session goes on.
+    Request(String),
+    /// The loop failed.
+    Loop(LoopError),
+}
+
+impl From<String> for Refusal {
+    fn from(why: String) -> Self {
+        Self::Request(why)
+    }
+}
+
+impl From<LoopError> for Refusal {
+    fn from(error: LoopError) -> Self {
+        Self::Request(error.to_string())
     }
 }
 

@@ -3,7 +3,8 @@
 //! In: requests as objects of [`super::protocol`]. Out: their answers, and the newest frame of each head itself.
 //! Tests: below.
 
-use super::{NewestFrames, Refusal, Stage, answers::answer, protocol};
+use super::answers::{Refusal, answer};
+use super::{NewestFrames, Stage, protocol};
 use crate::runtime::RunRecord;
 use crate::wiring::run_end::{LoopView, RunEnd};
 use crate::wiring::{assemble::Run, error::LoopError, stepped::SteppedRun};

@@ -31,7 +31,7 @@ pub use lines::ControlAddress;
 
 use crate::wiring::error::LoopError;
 use admission::{Admitted, admit, foreign_sentence};
-use answers::{Answer, Controlled};
+use answers::{Answer, Controlled, Refusal};
 use base::clock::{Clock, Monotonic};
 use core::sync::atomic::AtomicBool;
 use lines::{Incoming, LineSocket};
@@ -195,24 +195,4 @@ enum Next {
     Line(String),
     Again,
     End(SessionEnd),
-}
-
-/// Reason why a request is not executed.
-enum Refusal {
-    /// Something is wrong with the request; the session goes on.
-    Request(String),
-    /// The loop failed.
-    Loop(LoopError),
-}
-
-impl From<String> for Refusal {
-    fn from(why: String) -> Self {
-        Self::Request(why)
-    }
-}
-
-impl From<LoopError> for Refusal {
-    fn from(error: LoopError) -> Self {
-        Self::Request(error.to_string())
-    }
 }

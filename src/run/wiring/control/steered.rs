@@ -2,8 +2,8 @@
 //!
 //! Not available: what [`Controlled`] refuses.
 
-use super::answers::{Answer, Controlled, Instants};
-use super::{Refusal, samples::SampleList};
+use super::answers::{Answer, Controlled, Instants, Refusal};
+use super::samples::SampleList;
 use crate::runtime::{Ledger, exposing::Exposing};
 use crate::wiring::{far_side::FarSide, steering::Steering};
 use base::time::{Span, Tai};

@@ -1,8 +1,8 @@
 //! A run on the virtual clock as its client sees it: it stands still between two requests.
 
-use super::answers::{Answer, Controlled, Instants, attitude, solved};
+use super::answers::{Answer, Controlled, Instants, Refusal, attitude, solved};
 use super::protocol::StepBy;
-use super::{NewestFrames, Refusal, samples::SampleList};
+use super::{newest::NewestFrames, samples::SampleList};
 use crate::runtime::{Ledger, RunRecord, TrackerOutput, engine::origin_name, exposing::Exposing};
 use crate::wiring::assessment::mode_name;
 use crate::wiring::{error::LoopError, far_side::FarSide, run_end::LoopView, stepped::SteppedRun};
