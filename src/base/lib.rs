@@ -1,11 +1,12 @@
 //! Types and functions for every crate: axes and rotations, time, clocks, images, colours of pixels, counter-based
-//! random numbers, the accuracy budget, sources on the sky, standard output and standard error, files that are read
+//! random numbers, the accuracy budget, how frames are drawn, sources on the sky, standard output and standard error, files that are read
 //! as a whole, names of unfinished files, queues to writing threads and the limit of waiting for them.
 
 pub mod accuracy;
 pub mod axes;
 pub mod bayer;
 pub mod clock;
+pub mod drawn;
 pub mod fused;
 pub mod image;
 pub mod input_file;

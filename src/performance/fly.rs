@@ -345,7 +345,7 @@ fn check_attitude(frame: &SentFrame, pose: Option<&Pose>) -> Result<()> {
     // Not so (also where it is not a number): held, stale or predicted.
     let is_there = off_rad < MOST_OFF_RAD;
     if !is_there {
-        bail!("frame {}: drawn {off_rad:.3e} rad off its attitude ({})", frame.meta.number, frame.meta.origin);
+        bail!("frame {}: drawn {off_rad:.3e} rad off its attitude ({})", frame.meta.number, frame.meta.origin.name());
     }
     Ok(())
 }

@@ -59,7 +59,7 @@ fn complaints_of(mut bench: Bench) -> Vec<String> {
             let mut timed = FrameRecord::released(number, at, [slot.release, slot.release]);
             timed.times.merge(&times);
             timed.cause = Some(timed.cause_of_lateness(&record.stages));
-            record.count_rendered(&frame, &times, &engine);
+            record.count_rendered(&frame, &times);
             record.ring.push(timed);
             timed.delivered = Some(slot.due);
             record.complete(&timed);

@@ -53,7 +53,7 @@ fn degradations(bench: &Bench, follow: bool, drawn: impl Fn(u32) -> Span) -> (Ve
             receiver: &mut receiver,
             far_end: &mut |now: Tai| Ok(computer.step(now, &mut far).map(|()| computer.next_due())?),
             progress: &mut |_, frame: &mut SentFrame, _| {
-                degradations.push(frame.meta.degradation);
+                degradations.push(frame.meta.degradation.name());
                 true
             },
         };

@@ -172,7 +172,7 @@ fn three_heads_fly_on_the_real_clock() {
     });
     let mut interpolated = 0;
     let mut count = |_: usize, frame: &frames::sink::SentFrame, _: &run::runtime::RunRecord| {
-        interpolated += u64::from(frame.meta.origin == "interpolated");
+        interpolated += u64::from(frame.meta.origin.name() == "interpolated");
     };
     let outcome = fly_real(&scenario, &mut sink, on_row, &mut count);
     let frames = &outcome.record.frames;

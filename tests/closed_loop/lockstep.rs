@@ -116,7 +116,7 @@ fn frames_show_what_was_sent_bit_for_bit_in_batches_of_any_size() {
     assert_eq!((one.frames.len(), one.refused), (12, 0));
     for (_, meta) in &one.frames {
         let t_s = (meta.mid_exposure - zero).s();
-        assert_eq!(meta.origin, "interpolated");
+        assert_eq!(meta.origin.name(), "interpolated");
         let error = error_arcsec(meta, mounting * turned(t_s));
         assert!(error < SHOWN_ARCSEC, "frame {}: {error} arcsec", meta.number);
         let conjugated = error_arcsec(meta, mounting * turned(t_s).inverse_as_attitude());
@@ -166,7 +166,7 @@ fn an_old_or_bad_list_is_refused_counted_and_changes_nothing() {
     assert_eq!(run.record().ledger.count(EventKind::SampleRefused), 2 + 1 + 2 + 1);
     let mut origins = Vec::new();
     run.run_to_end(&mut |_, frame, _| {
-        origins.push(frame.meta.origin);
+        origins.push(frame.meta.origin.name());
         true
     })
     .unwrap();

@@ -5,7 +5,7 @@ mod draw;
 
 use crate::runtime::conditions::Conditions;
 
-pub use crate::runtime::describe::{fill_meta, origin_name};
+pub use crate::runtime::describe::fill_meta;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::load::{LoadChange, LoadEstimate};
 use crate::runtime::marks::{FrameMark, FrameMarks};
@@ -419,7 +419,7 @@ impl FrameEngine {
         receiver.mounting_mut(self.head).note_drawn(slot.exposure_end);
         frame.meta.attitude_age = receiver.age_at(slot.release).unwrap_or(Span::ZERO);
         if let Some(marks) = &self.marks {
-            let (load, degradation) = (self.load(), frame.meta.degradation);
+            let (load, degradation) = (self.load(), frame.meta.degradation.name());
             let (messages, exposed) = (receiver.messages_by_port(), self.exposing.exposed(&slot));
             marks.put(FrameMark { frame: slot.number, messages, load, degradation, exposed });
         }
@@ -488,7 +488,8 @@ impl FrameEngine {
                 match los.origin {
                     PathOrigin::Held => note(ledger, EventKind::AttitudeHeld, slot, age),
                     PathOrigin::Predicted => note(ledger, EventKind::Predicted, slot, report.horizon),
-                    PathOrigin::Interpolated | PathOrigin::Commanded | PathOrigin::Absent => {}
+                    PathOrigin::Interpolated | PathOrigin::Commanded | PathOrigin::Absent | PathOrigin::TestPattern => {
+                    }
                 }
                 self.path = PathFacts::of(&report, los.origin);
                 self.path.note(slot, ledger);
@@ -574,7 +575,11 @@ fn bound_rad(origin: PathOrigin, report: &PathReport, motion: &MotionScale, limi
         PathOrigin::Predicted if report.horizon <= limits.max_horizon => {
             AttitudeMethod::ConstantAcceleration.bound_rad(motion, report.horizon.s())
         }
-        PathOrigin::Predicted | PathOrigin::Held | PathOrigin::Commanded | PathOrigin::Absent => return None,
+        PathOrigin::Predicted
+        | PathOrigin::Held
+        | PathOrigin::Commanded
+        | PathOrigin::Absent
+        | PathOrigin::TestPattern => return None,
     };
     // A bound of half a turn means: outside the method's domain.
     (bound_rad < core::f64::consts::PI).then_some(bound_rad)

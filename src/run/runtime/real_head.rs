@@ -7,8 +7,8 @@
 use crate::runtime::delivery::{Delivery, FramePacket};
 use crate::runtime::real_shared::{Shared, take_back};
 use crate::runtime::{
-    engine::origin_name, error::RunError, frame_faults::Fate as Spoiling, head::Head, ledger::EventKind,
-    params::DeadlinePolicy, real_parts::Setting, record::RunRecord, reply::camera_pages, slot::Slot,
+    error::RunError, frame_faults::Fate as Spoiling, head::Head, ledger::EventKind, params::DeadlinePolicy,
+    real_parts::Setting, record::RunRecord, reply::camera_pages, slot::Slot,
 };
 use base::time::{Span, Tai};
 use frames::report::{Fate, FrameEnd, FrameRecord, MissCause, Stage, StageTimes};
@@ -77,7 +77,7 @@ impl<'a> RealHead<'a> {
         let finished = shared.clock.now();
         frame_packet.frame.meta.lateness = finished - slot.due;
         self.head.engine.learn_load(drawn(&times), finished, slot, &mut record.ledger);
-        record.count_rendered(&frame_packet.frame, &times, &self.head.engine);
+        record.count_rendered(&frame_packet.frame, &times);
         self.finish_record(&mut timed, &times, &frame_packet.frame.meta, finished, record);
         frame_packet.record = timed;
         progress(self.number, &frame_packet.frame, record);
@@ -136,7 +136,8 @@ impl<'a> RealHead<'a> {
         timed.times.merge(times);
         timed.finished = Some(finished);
         timed.lateness = meta.lateness;
-        (timed.degradation, timed.method, timed.origin) = (meta.degradation, meta.method, meta.origin);
+        (timed.degradation, timed.method) = (meta.degradation.name(), meta.method.name());
+        timed.origin = meta.origin.name();
         timed.horizon = meta.horizon;
         (timed.end_horizon, timed.jitter_missing) = (meta.end_horizon, meta.jitter_missing);
         timed.pointing_bound_rad = self.head.engine.pointing_bound_rad();
@@ -262,8 +263,7 @@ impl<'a> RealHead<'a> {
         let meta = &frame_packet.frame.meta;
         // A held image keeps the time of its own exposure: latency refers to the visible image.
         frame_packet.record.mid_exposure = meta.mid_exposure;
-        frame_packet.record.commanded =
-            (meta.origin != origin_name(PathOrigin::Absent)).then(|| meta.mid_exposure - meta.horizon);
+        frame_packet.record.commanded = (meta.origin != PathOrigin::Absent).then(|| meta.mid_exposure - meta.horizon);
         if let Some(finished) = frame_packet.record.finished {
             frame_packet.record.times.set(Stage::Handover, now - finished);
         }

@@ -2,6 +2,7 @@
 
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::{engine::FrameEngine, port_reading::PortReading, receiver::Receiver, run_word::word_so_far};
+use base::drawn::{Degradation, FrameMethod, MethodName, PathOrigin};
 use base::time::{Span, Tai};
 use firmware_protocol::Reject;
 use frames::report::{
@@ -9,8 +10,6 @@ use frames::report::{
     NewestEvent, RunLimits, RunNumbers, RunSummary, SinkRow, Stage, StageHistogram, StageHistograms, StageTimes,
 };
 use frames::sink::{FaultFlags, FrameMeta, Loss, LossKind, SentFrame, SinkLine, SinkSummary};
-use plan::attitude::PathOrigin;
-use plan::exposure::{Degradation, method::MethodName};
 use std::collections::BTreeMap;
 
 /// The results of a run.
@@ -99,22 +98,24 @@ impl RunRecord {
         }
     }
 
-    /// Counts a frame that `engine` has just drawn.
-    pub fn count_rendered(&mut self, frame: &SentFrame, times: &StageTimes, engine: &FrameEngine) {
+    /// Counts a frame that was drawn.
+    pub fn count_rendered(&mut self, frame: &SentFrame, times: &StageTimes) {
+        let meta = &frame.meta;
         self.frames.rendered += 1;
-        let (plan, blank) = (engine.latest_plan(), frame.meta.faults.contains(FaultFlags::BLANK));
+        let blank = meta.faults.contains(FaultFlags::BLANK);
         self.frames.blank += u64::from(blank);
-        let is_extrapolated = matches!(plan.motion.los.origin, PathOrigin::Predicted | PathOrigin::Held);
+        let is_extrapolated = matches!(meta.origin, PathOrigin::Predicted | PathOrigin::Held);
         self.frames.extrapolated += u64::from(!blank && is_extrapolated);
-        self.frames.partly_extrapolated += u64::from(frame.meta.is_partly_extrapolated);
-        self.frames.jitter_missing += u64::from(frame.meta.jitter_missing > Span::ZERO);
+        self.frames.partly_extrapolated += u64::from(meta.is_partly_extrapolated);
+        self.frames.jitter_missing += u64::from(meta.jitter_missing > Span::ZERO);
         self.stages.record(times);
         self.stars.record(frame.truth.len() as u64);
-        self.attitude_age.record(frame.meta.attitude_age);
-        self.horizon.record(frame.meta.horizon);
-        // The reference integrates the exact motion, regardless of the planned method.
-        self.methods[plan.chosen.method.name() as usize] += u64::from(!engine.imager().is_exact());
-        self.degradations[plan.degradation as usize] += 1;
+        self.attitude_age.record(meta.attitude_age);
+        self.horizon.record(meta.horizon);
+        if let FrameMethod::Planned(method) = meta.method {
+            self.methods[method as usize] += 1;
+        }
+        self.degradations[meta.degradation as usize] += 1;
     }
 
     /// Records the time from a message's arrival to its acceptance.

@@ -268,7 +268,7 @@ impl VirtualLoop {
         let Some((fate, times)) = exposed? else { return self.leave_out(number, slot, frame, world) };
         frame.meta.lateness = Span::ZERO;
         let drawn = watch.lap();
-        self.record.count_rendered(&frame, &times, &head.engine);
+        self.record.count_rendered(&frame, &times);
         // Heads share one exposure time: only the first head reports.
         if number == 0 {
             self.announce(&frame, slot.due, head.engine.pointing_bound_rad(), world)?;

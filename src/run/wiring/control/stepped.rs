@@ -3,7 +3,7 @@
 use super::answers::{Answer, Controlled, Instants, Refusal, attitude, solved};
 use super::protocol::StepBy;
 use super::{newest::NewestFrames, samples::SampleList};
-use crate::runtime::{Ledger, RunRecord, TrackerOutput, engine::origin_name, exposing::Exposing};
+use crate::runtime::{Ledger, RunRecord, TrackerOutput, exposing::Exposing};
 use crate::wiring::assessment::mode_name;
 use crate::wiring::{error::LoopError, far_side::FarSide, run_end::LoopView, stepped::SteppedRun};
 use base::time::{Span, Tai};
@@ -213,6 +213,6 @@ fn received_truth(at_s: Option<f64>, going: &SteppedRun, instants: &Instants) ->
     let mut answer = attitude(&(going.mounting_of(0) * estimated.state.body_from_icrf));
     answer["at_s"] = asked_s.into();
     answer["body_rate_rad_s"] = estimated.state.rate_rad_s.to_array().to_vec().into();
-    answer["origin"] = origin_name(estimated.origin).into();
+    answer["origin"] = estimated.origin.name().into();
     Ok(answer)
 }
