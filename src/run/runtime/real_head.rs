@@ -8,7 +8,7 @@ use crate::runtime::delivery::{Delivery, FramePacket};
 use crate::runtime::real_shared::{Shared, take_back};
 use crate::runtime::{
     error::RunError, frame_faults::Fate as Spoiling, head::Head, ledger::EventKind, params::DeadlinePolicy,
-    real_parts::Setting, record::RunRecord, reply::camera_pages, slot::Slot,
+    real_parts::Setting, record::RunRecord, slot::Slot,
 };
 use base::time::{Span, Tai};
 use frames::report::{Fate, FrameEnd, FrameRecord, MissCause, Stage, StageTimes};
@@ -148,19 +148,6 @@ impl<'a> RealHead<'a> {
         };
     }
 
-    /// Reports the contents of a frame to the flight computer. Heads share one exposure time: only the first head
-    /// reports.
-    fn announce(&self, meta: &FrameMeta, shared: &mut Shared<'_>) {
-        if self.number == 0 {
-            shared.announce(meta, self.head.engine.pointing_bound_rad());
-        }
-        if shared.receiver.session().cameras().is_reporting() {
-            for page in camera_pages(self.number, meta) {
-                shared.link_thread.send(0, page);
-            }
-        }
-    }
-
     /// Returns true when it is too late to draw a slot: it is past due, and under `late` by more than a frame.
     fn is_over(&self, slot: Slot, now: Tai) -> bool {
         let params = self.head.engine.params();
@@ -170,7 +157,7 @@ impl<'a> RealHead<'a> {
 
     /// Drops a frame on purpose: the flight computer gets its report, but the sinks do not get the frame.
     fn withhold(&mut self, mut frame_packet: FramePacket, shared: &mut Shared<'_>, record: &mut RunRecord) {
-        self.announce(&frame_packet.frame.meta, shared);
+        shared.announce(self.number, &frame_packet.frame.meta, self.head.engine.pointing_bound_rad());
         self.head.faults.spoil(&self.spoiling, &mut frame_packet.frame);
         record.frames.dropped += 1;
         record.account.add(FrameEnd::Commanded, frame_packet.record.exposure_start);
@@ -223,7 +210,7 @@ impl<'a> RealHead<'a> {
             frame_packet.frame.meta.lateness = lateness;
             frame_packet.frame.meta.faults |= FaultFlags::FRAME_DUPLICATE;
             frame_packet.record.fate = Fate::Held;
-            self.announce(&frame_packet.frame.meta, shared);
+            shared.announce(self.number, &frame_packet.frame.meta, self.head.engine.pointing_bound_rad());
             return self.send(frame_packet, Span::ZERO, shared.clock.now(), record);
         }
         let cause = frame_packet.record.cause.unwrap_or(MissCause::FramesBefore);
@@ -240,7 +227,7 @@ impl<'a> RealHead<'a> {
         record: &mut RunRecord,
     ) -> Result<(), RunError> {
         // The stimulator reports its own data before its frame is damaged.
-        self.announce(&frame_packet.frame.meta, shared);
+        shared.announce(self.number, &frame_packet.frame.meta, self.head.engine.pointing_bound_rad());
         self.head.faults.spoil(&self.spoiling, &mut frame_packet.frame);
         if self.head.engine.params().deadline_policy == DeadlinePolicy::Hold {
             // A repeated frame equals the frame that went out, including its metadata.

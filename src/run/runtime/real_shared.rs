@@ -6,6 +6,7 @@ use crate::runtime::{
     delivery::FramePacket, link_thread::LinkThreads, port_reading::PortReading, receiver::Receiver, record::RunRecord,
 };
 use base::{clock::Clock, time::Tai};
+use core::convert::Infallible;
 use frames::sink::FrameMeta;
 
 /// State shared by all heads.
@@ -23,14 +24,14 @@ pub(super) struct Shared<'a> {
 }
 
 impl Shared<'_> {
-    /// Reports the contents of a frame to the flight computer.
-    pub(super) fn announce(&mut self, meta: &FrameMeta, pointing_bound_rad: Option<f64>) {
-        let now = self.clock.now();
-        let rejects = PortReading::rejects_of_all(&self.readings);
+    /// Reports a frame of a head to the flight computer.
+    pub(super) fn announce(&mut self, head: usize, meta: &FrameMeta, pointing_bound_rad: Option<f64>) {
+        let (now, rejects) = (self.clock.now(), PortReading::rejects_of_all(&self.readings));
         let reported = ReportedFrame { meta, pointing_bound_rad, rejects: &rejects, now };
-        for message in self.reply.messages(&reported, self.receiver) {
+        let Ok(()) = self.reply.report(head, &reported, self.receiver, |message| {
             self.link_thread.send(0, message);
-        }
+            Ok::<(), Infallible>(())
+        });
     }
 
     /// Reports that no frame goes out because the stream of attitudes has stopped.

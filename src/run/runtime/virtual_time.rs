@@ -10,7 +10,7 @@ use crate::runtime::error::{FarEndError, RunError};
 use crate::runtime::ledger::{Event, EventKind};
 use crate::runtime::outcome::{RunOutcome, lines_of_head};
 use crate::runtime::plant_queue::{PlantQueue, PlantRefusal};
-use crate::runtime::reply::{Reply, ReportedFrame, camera_pages};
+use crate::runtime::reply::{Reply, ReportedFrame};
 use crate::runtime::{
     camera_heads, engine::FrameEngine, frame_faults::Fate, head::Head, outside_tracker::OutsideTracker,
     plant_sample::PlantSample, port_reading::PortReading, real_head::end_of, receiver::Receiver, record::RunRecord,
@@ -269,16 +269,13 @@ impl VirtualLoop {
         frame.meta.lateness = Span::ZERO;
         let drawn = watch.lap();
         self.record.count_rendered(&frame, &times);
-        // Heads share one exposure time: only the first head reports.
         if number == 0 {
-            self.announce(&frame, slot.due, head.engine.pointing_bound_rad(), world)?;
+            self.watch_link(slot.due, world);
         }
+        let (pointing_bound_rad, rejects) = (head.engine.pointing_bound_rad(), &self.reading.rejects);
+        let reported = ReportedFrame { meta: &frame.meta, pointing_bound_rad, rejects, now: slot.due };
         let World { port, receiver, .. } = world;
-        if receiver.session().cameras().is_reporting() {
-            for page in camera_pages(number, &frame.meta) {
-                port.send(&page)?;
-            }
-        }
+        self.reply.report(number, &reported, receiver, |message| port.send(&message).map(|_at| ()))?;
         // The stimulator reports its own data before its frame is damaged.
         head.faults.spoil(&fate, &mut frame);
         let end = end_of(head.engine.end_on_time(), fate.delay, Span::ZERO);
@@ -314,30 +311,13 @@ impl VirtualLoop {
         Ok(())
     }
 
-    /// Reports the drawn frame to the flight computer, and changes of the link to the ledger.
-    fn announce(
-        &mut self,
-        frame: &SentFrame,
-        now: Tai,
-        pointing_bound_rad: Option<f64>,
-        world: &mut World<'_>,
-    ) -> Result<(), RunError> {
-        let reading = self.watch_link(now, world);
-        let reported = ReportedFrame { meta: &frame.meta, pointing_bound_rad, rejects: &reading.rejects, now };
-        for message in self.reply.messages(&reported, world.receiver) {
-            world.port.send(&message)?;
-        }
-        Ok(())
-    }
-
-    /// Adds changes of the link to the ledger; returns the counters of the port.
-    fn watch_link(&mut self, now: Tai, world: &mut World<'_>) -> PortReading {
+    /// Adds changes of the link to the ledger.
+    fn watch_link(&mut self, now: Tai, world: &mut World<'_>) {
         world.receiver.watch(now, &mut self.record.ledger);
         let reading = PortReading::of(world.port, 0);
         reading.announce(&self.reading, now, &mut self.record.ledger);
         self.reading = reading;
         self.record.keep_ports(&[reading]);
-        reading
     }
 
     fn queue(&mut self, (head, slot): (usize, Slot), frame: SentFrame, fate: Fate, (drawn, end): (Span, FrameEnd)) {

@@ -5,7 +5,7 @@
 //!                                                                                       -> SteppedRun    virtual clock
 //! ```
 //!
-//! Order: memory is added up; heads (engine, receiver, faults) are made; then their sinks, on the run's clock; around
+//! Order: memory is added up; heads (engine, faults) and their receiver are made; then their sinks, on the run's clock; around
 //! the sinks the trackers' taps, the capture and the live view; the cable and the far end when the run connects; the
 //! events of the file last. Tests: `tests/closed_loop`, above all `matrix`.
 

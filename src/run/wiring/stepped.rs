@@ -6,9 +6,8 @@
 //! `tests/closed_loop/pixels.rs`, `campaign.rs`, `control.rs`.
 
 use crate::runtime::exposing::Exposing;
-use crate::runtime::ledger::{Event as LedgerEvent, EventKind};
 use crate::runtime::virtual_time::{VirtualLoop, World, last_release};
-use crate::runtime::{Head, Ledger, PlantSample, PortReading, RunError, RunParams, RunRecord, TrackerOutput};
+use crate::runtime::{Head, Ledger, PlantSample, PortReading, RunError, RunRecord, TrackerOutput};
 use crate::wiring::assemble::{Outputs, Run, RunOptions};
 use crate::wiring::fault_desk::{lock, make_ready};
 use crate::wiring::run_end::{Flown, LoopView, RunEnd};
@@ -17,8 +16,7 @@ use crate::wiring::{
     error::LoopError, far_side::FarSide, faults::FaultLine, landing::Landing, outside_trackers::outside_trackers,
     run_clock::RunClock, run_times::RunTimes,
 };
-use base::axes::{Body, Rotation, Sensor};
-use base::time::{Span, Tai};
+use base::time::Tai;
 use config::{Event, Plant, Scenario};
 use core::cell::RefCell;
 use frames::report::{FrameEnd, Losses};
@@ -28,9 +26,9 @@ use testbed::vehicle::{HeadReport, TelemetryRow, Vehicle};
 
 /// A run on the virtual clock.
 pub struct SteppedRun {
-    run: Run,
-    going: VirtualLoop,
-    far: RefCell<FarSide>,
+    pub(super) run: Run,
+    pub(super) going: VirtualLoop,
+    pub(super) far: RefCell<FarSide>,
     promise: Promise,
     cut_short: Option<CutShort>,
 }
@@ -89,12 +87,7 @@ impl SteppedRun {
         Ok(())
     }
 
-    /// Returns the far end of the cable.
-    pub(super) fn far_side(&mut self) -> &mut FarSide {
-        self.far.get_mut()
-    }
-
-    /// Accepts samples of an external plant, of any instants that have not passed: each reaches the receivers at its
+    /// Accepts samples of an external plant, of any instants that have not passed: each reaches the receiver at its
     /// own instant, so that batches of any size give the same frames. All of a list are accepted or none; refusals are
     /// counted.
     ///
@@ -102,7 +95,7 @@ impl SteppedRun {
     /// When the plant is internal, or a sample is bad.
     pub fn take_plant(&mut self, samples: &[PlantSample]) -> Result<(), LoopError> {
         let refuse = |why: String| LoopError::Event { what: "plant", why };
-        if !self.is_outside() {
+        if self.run.scenario.plant != Plant::Outside {
             let why = "the spacecraft is moved inside the program; wanted a bench with plant.kind = \"outside\"";
             return Err(refuse(why.into()));
         }
@@ -116,17 +109,6 @@ impl SteppedRun {
             let now_s = (self.going.now() - zero).s();
             refuse(format!("sample {place} of {} (t_s {t_s}, it is {now_s} s now): {why}", samples.len()))
         })
-    }
-
-    /// Counts a list of samples that could not be read.
-    pub(super) fn note_bad_samples(&mut self) {
-        let now = self.now();
-        self.going.record.ledger.note(LedgerEvent::new(EventKind::SampleRefused, now, None, Span::ZERO));
-    }
-
-    /// Returns true when the plant is external.
-    pub fn is_outside(&self) -> bool {
-        self.run.scenario.plant == Plant::Outside
     }
 
     /// Returns the number of samples of an external plant that wait for their instants, and the instant of the last
@@ -168,19 +150,9 @@ impl SteppedRun {
         estimated.map_err(|error| LoopError::Parts(error.into()))
     }
 
-    /// Returns the time from one frame to the next.
-    pub fn frame_period(&self) -> Span {
-        self.params().frame_period
-    }
-
-    /// Returns the time of the first exposure, which is time zero of the scenario.
-    pub fn zero(&self) -> Tai {
-        self.run.times.zero
-    }
-
-    /// Returns the end of the last frame's period.
-    pub fn end_at(&self) -> Tai {
-        self.run.times.end
+    /// Returns the instants of the run.
+    pub fn times(&self) -> RunTimes {
+        self.run.times
     }
 
     /// Returns the simulated time.
@@ -214,24 +186,6 @@ impl SteppedRun {
         self.far.get_mut().vehicle_mut().map(|vehicle| act(vehicle, now)).ok_or(LoopError::NothingFlown)
     }
 
-    /// Returns the mounting of a head; of the first one when the head does not exist.
-    pub fn mounting_of(&self, head: usize) -> Rotation<Sensor, Body> {
-        self.run.heads.get(head).map_or(self.run.scenario.bench.sensor_from_body, |head| head.mounting)
-    }
-
-    /// Returns when the next known frame goes out; `None` when there is none.
-    pub fn next_frame_out(&self) -> Option<Tai> {
-        let next = self.run.heads[0].engine.exposing().next().slot().map(|slot| slot.due);
-        self.going.next_out().into_iter().chain(next).min().filter(|at| *at > self.now())
-    }
-
-    /// Returns the largest number of frames of the first head in the whole run: that of the frame rate, until its
-    /// camera is commanded.
-    pub fn frames_at_most(&self) -> u64 {
-        let engine = &self.run.heads[0].engine;
-        if engine.exposing().is_commanded() { u64::MAX } else { u64::from(engine.params().frames) }
-    }
-
     /// Calls `act` with the exposures of a head.
     ///
     /// # Errors
@@ -248,14 +202,11 @@ impl SteppedRun {
         Ok(act(head.engine.exposing_mut(), &mut self.going.record.ledger))
     }
 
-    /// Returns the exposures of a head.
-    pub fn exposing(&self, head: usize) -> Option<&Exposing> {
-        self.run.heads.get(head).map(|head| head.engine.exposing())
-    }
-
     /// Returns true when the last frame is out.
     pub fn is_finished(&self) -> bool {
-        self.now() >= self.last_release() && self.going.on_the_way().0 == 0 && self.is_drawn()
+        let is_drawn = |head: &Head| head.engine.exposing().next().is_over(self.now());
+        let is_out = self.now() >= self.last_release() && self.going.on_the_way().0 == 0;
+        is_out && self.run.heads.iter().all(is_drawn)
     }
 
     /// Advances simulated time to `at`, and processes everything that is due by then; it stops at the end of the run,
@@ -281,11 +232,6 @@ impl SteppedRun {
         }
     }
 
-    /// Returns true when no head has a frame left to draw.
-    fn is_drawn(&self) -> bool {
-        self.run.heads.iter().all(|head| head.engine.exposing().next().is_over(self.now()))
-    }
-
     /// Returns when the last frame of the run will have been drawn, as known now.
     fn last_release(&self) -> Tai {
         self.run.heads.iter().map(|head| last_release(&head.engine)).max().unwrap_or(self.run.times.end)
@@ -295,7 +241,7 @@ impl SteppedRun {
     pub fn look<T>(&self, frames_crc32: Vec<u32>, look: impl FnOnce(&LoopView<'_>) -> T) -> T {
         let far = self.far.borrow();
         let assessment = far.witness.assessment();
-        let flown = Flown::of(far.vehicle(), assessment, self.params());
+        let flown = Flown::of(far.vehicle(), assessment, self.run.heads[0].engine.params());
         let facts = Facts {
             record: self.record(),
             heads: &self.run.heads,
@@ -317,11 +263,6 @@ impl SteppedRun {
             flown,
             simulated_s: self.simulated_s(),
         })
-    }
-
-    /// Returns parameters of the first head.
-    fn params(&self) -> &RunParams {
-        self.run.heads[0].engine.params()
     }
 
     /// Returns the time since the first exposure, s; the last frame's readout is not counted.

@@ -3,11 +3,12 @@
 use super::answers::{Answer, Controlled, Instants, Refusal, attitude, solved};
 use super::protocol::StepBy;
 use super::{newest::NewestFrames, samples::SampleList};
+use crate::runtime::ledger::{Event as LedgerEvent, EventKind};
 use crate::runtime::{Ledger, RunRecord, TrackerOutput, exposing::Exposing};
 use crate::wiring::assessment::mode_name;
-use crate::wiring::{error::LoopError, far_side::FarSide, run_end::LoopView, stepped::SteppedRun};
+use crate::wiring::{error::LoopError, far_side::FarSide, run_end::LoopView, run_times::RunTimes, stepped::SteppedRun};
 use base::time::{Span, Tai};
-use config::{Event, Scenario};
+use config::{Event, Plant, Scenario};
 use core::sync::atomic::{AtomicBool, Ordering};
 use frames::{report::RunNumbers, sink::SentFrame};
 use serde_json::{Value, json};
@@ -53,7 +54,8 @@ impl Controlled for Stage<'_> {
     }
 
     fn instants(&self) -> Answer<Instants> {
-        Ok(Instants { zero: self.going.zero(), now: self.going.now(), end: self.going.end_at() })
+        let RunTimes { zero, end, .. } = self.going.times();
+        Ok(Instants { zero, now: self.going.now(), end })
     }
 
     fn so_far(&self) -> Answer<(Instants, RunNumbers, bool)> {
@@ -61,7 +63,7 @@ impl Controlled for Stage<'_> {
     }
 
     fn on_far_side<T: Send + 'static>(&mut self, act: impl FnOnce(&mut FarSide) -> T + Send + 'static) -> Answer<T> {
-        Ok(act(self.going.far_side()))
+        Ok(act(self.going.far.get_mut()))
     }
 
     fn on_exposing<T: Send + 'static>(
@@ -80,7 +82,7 @@ impl Controlled for Stage<'_> {
     /// Sends the trigger over the bus.
     fn fire(&mut self, number: u16, at: Option<Tai>) -> Answer<()> {
         let now = self.going.now();
-        Ok(self.going.far_side().send_trigger(number, at, now)?)
+        Ok(self.going.far.get_mut().send_trigger(number, at, now)?)
     }
 
     /// Queues samples until their instants.
@@ -94,16 +96,17 @@ impl Controlled for Stage<'_> {
     }
 
     fn note_bad_samples(&mut self) -> Answer<()> {
-        self.going.note_bad_samples();
+        let event = LedgerEvent::new(EventKind::SampleRefused, self.going.now(), None, Span::ZERO);
+        self.going.going.record.ledger.note(event);
         Ok(())
     }
 
     fn frame(&self, head: usize, path: Option<&str>, pixels: bool) -> Answer {
-        Ok(self.newest.answer(head, path, pixels, self.going.zero())?)
+        Ok(self.newest.answer(head, path, pixels, self.going.times().zero)?)
     }
 
     fn received_truth(&self, at_s: Option<f64>) -> Option<Answer> {
-        self.going.is_outside().then(|| Ok(received_truth(at_s, self.going, &self.instants()?)?))
+        (self.scenario.plant == Plant::Outside).then(|| Ok(received_truth(at_s, self.going, &self.instants()?)?))
     }
 
     fn step(&mut self, by: StepBy) -> Answer {
@@ -115,7 +118,7 @@ impl Controlled for Stage<'_> {
                 let is_short = |stage: &Self| stage.newest.out_of_first_head() < out && !stage.going.is_finished();
                 while is_short(self) && !self.stop.load(Ordering::Relaxed) {
                     // Dropped and late frames do not go out at the end of their own readout: wait for later frames.
-                    let at = self.going.next_frame_out().unwrap_or(self.going.end_at());
+                    let at = next_frame_out(self.going).unwrap_or(self.going.times().end);
                     self.advance_to(at).map_err(Refusal::Loop)?;
                 }
             }
@@ -137,7 +140,7 @@ impl Controlled for Stage<'_> {
         let mut answer = match outcome {
             Outcome::Solved(solution) => {
                 let mut answer = solved(&solution);
-                let body_from_sensor = self.going.mounting_of(head).inverse();
+                let body_from_sensor = self.going.run.heads[head].mounting.inverse();
                 answer["body_from_icrf"] = (body_from_sensor * solution.sensor_from_icrf).wxyz().into();
                 answer["valid"] = true.into();
                 answer
@@ -185,7 +188,10 @@ fn step_goal(by: StepBy, going: &SteppedRun, instants: &Instants, frames_out: u6
         StepBy::Seconds(s) => (now + Span::from_s(s), format!("s is {s}")),
         StepBy::Until(until_s) => (zero + Span::from_s(until_s), format!("until_s is {until_s}")),
         StepBy::Frames(frames) => {
-            let left = going.frames_at_most().saturating_sub(frames_out);
+            // A commanded camera may send any number of frames.
+            let engine = &going.run.heads[0].engine;
+            let at_most = if engine.exposing().is_commanded() { u64::MAX } else { u64::from(engine.params().frames) };
+            let left = at_most.saturating_sub(frames_out);
             let goal = Goal::Frames(frames_out.saturating_add(frames));
             let refuse = || format!("frames is {frames}; wanted at most the {left} that are left");
             return (frames <= left).then_some(goal).ok_or_else(refuse);
@@ -201,6 +207,12 @@ fn step_goal(by: StepBy, going: &SteppedRun, instants: &Instants, frames_out: u6
     Ok(Goal::Time(at))
 }
 
+/// Returns when the next known frame goes out; `None` when there is none.
+fn next_frame_out(going: &SteppedRun) -> Option<Tai> {
+    let next = going.run.heads[0].engine.exposing().next().slot().map(|slot| slot.due);
+    going.going.next_out().into_iter().chain(next).min().filter(|at| *at > going.now())
+}
+
 /// Returns the attitude that frames of the first head are drawn with, according to the samples of an external plant.
 fn received_truth(at_s: Option<f64>, going: &SteppedRun, instants: &Instants) -> Result<Value, String> {
     let at = instants.at(at_s);
@@ -210,7 +222,7 @@ fn received_truth(at_s: Option<f64>, going: &SteppedRun, instants: &Instants) ->
         return Err(format!("at_s is {asked_s} s; wanted a time not after now, which is {now_s} s"));
     }
     let estimated = going.attitude_at(at).map_err(|error| format!("at_s is {asked_s}: {error}"))?;
-    let mut answer = attitude(&(going.mounting_of(0) * estimated.state.body_from_icrf));
+    let mut answer = attitude(&(going.run.scenario.bench.sensor_from_body * estimated.state.body_from_icrf));
     answer["at_s"] = asked_s.into();
     answer["body_rate_rad_s"] = estimated.state.rate_rad_s.to_array().to_vec().into();
     answer["origin"] = estimated.origin.name().into();
