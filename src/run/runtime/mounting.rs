@@ -1,4 +1,4 @@
-//! What a receiver keeps for one head: its jitter, in the axes of its sensor, and inputs that every head takes by itself.
+//! Data that a receiver keeps for one head: its jitter, in the axes of its sensor, and inputs that every head takes by itself.
 
 use crate::runtime::{error::RunError, params::AttitudeParams};
 use base::axes::{Body, Rotation, Sensor};
@@ -11,7 +11,7 @@ use std::collections::VecDeque;
 /// Capacity for observer states that wait for an exposure: 10 s of 100 Hz.
 const OBSERVERS: usize = 1024;
 
-/// What a receiver keeps for one head.
+/// Data that a receiver keeps for one head.
 #[derive(Debug)]
 pub struct Mounting {
     /// Rotation to the axes of its sensor.

@@ -27,7 +27,7 @@ pub(super) struct Landing {
 }
 
 impl Run {
-    /// Sums up telemetry, faults and invariants of a flight, and closes what the run had open.
+    /// Sums up telemetry, faults and invariants of a flight, and closes everything that is open.
     pub(super) fn end(self, landing: Landing) -> RunEnd {
         let Self { times, heads, receiver, desk, taps, mut cable, hygiene, clock, .. } = self;
         let Landing { outcome, far, promise, cut_short, now, simulated_s, error } = landing;

@@ -57,7 +57,7 @@ pub(super) trait Controlled {
         false
     }
 
-    /// Returns true when the session may end without `finish` as if it had come.
+    /// Returns true when the session may end without `finish` as with it.
     fn is_whole(&self) -> bool {
         false
     }

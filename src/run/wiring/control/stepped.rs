@@ -1,4 +1,4 @@
-//! A run on the virtual clock as its client sees it: it stands still between two requests.
+//! A run on the virtual clock as its client sees it: its clock is held between two requests.
 
 use super::answers::{Answer, Controlled, Instants, Refusal, attitude, solved};
 use super::protocol::StepBy;
