@@ -1,7 +1,7 @@
 //! Types and functions for every crate: axes and rotations, time, clocks, images, colours of pixels, counter-based
-//! random numbers, the accuracy budget, sources on the sky, standard output and standard error, files that are read
-//! as a whole, refusals, names of unfinished files, locks of files, queues to writing threads and the limit of waiting for
-//! them, text for XML, and what several crates compute: medians, zeros, least squares.
+//! random numbers, the accuracy budget, how frames are drawn, sources on the sky, standard output and standard error,
+//! files that are read as a whole, refusals, names of unfinished files, locks of files, queues to writing threads and
+//! the limit of waiting for them, text for XML, and what several crates compute: medians, zeros, least squares.
 
 pub mod accuracy;
 pub mod axes;
@@ -9,6 +9,7 @@ pub mod base64;
 pub mod bayer;
 pub mod bisection;
 pub mod clock;
+pub mod drawn;
 pub mod file_lock;
 pub mod fused;
 pub mod image;

@@ -115,9 +115,7 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
     let Controlled { mut end, client } = match (listener, steering) {
         (None, _) => Controlled { end: run.fly(&stop, &mut progress)?, client: None },
         (Some(listener), None) => control_stepped(listener, run, directory.as_deref(), &stop, &mut progress)?,
-        (Some(listener), Some(steering)) => {
-            control_steered(listener, run, steering, directory.as_deref(), &stop, &mut progress)?
-        }
+        (Some(listener), Some(steering)) => control_steered(listener, run, steering, &stop, &mut progress)?,
     };
     let wall_s = wall.lap().s();
     drop(progress);

@@ -9,7 +9,7 @@ use core::time::Duration;
 use frames::sink::SentFrame;
 use run::runtime::RunRecord;
 use run::wiring::control::{
-    ControlAddress, ControlListener, ControlRefusals, ControlSession, NewestFrames, SessionEnd, Stage,
+    ControlAddress, ControlListener, ControlRefusals, ControlSession, NewestFrames, SessionEnd, Stage, Steered,
 };
 use run::wiring::run_end::{LoopView, RunEnd};
 use run::wiring::{assemble::Run, steering::Steering, stepped::SteppedRun};
@@ -79,7 +79,7 @@ pub(super) fn control_stepped(
 ) -> Result<Controlled> {
     let scenario = run.scenario().clone();
     let mut going = SteppedRun::of(run)?;
-    let Some(mut session) = listener.accept(&scenario, output, stop) else {
+    let Some(mut session) = listener.accept(stop) else {
         return Ok(Controlled { end: going.end(None), client: None });
     };
     let refusals = session.refusals().clone();
@@ -88,8 +88,15 @@ pub(super) fn control_stepped(
         let report = ScenarioReport::of(&scenario, view, watch.elapsed().s()).with_control(Some(&refusals));
         serde_json::to_value(report).unwrap_or_default()
     };
-    let served =
-        session.serve(&mut Stage { scenario: &scenario, going: &mut going, report: &mut report, progress, stop });
+    let newest = &mut NewestFrames::new(scenario.bench.head_count(), output);
+    let served = session.serve(&mut Stage {
+        scenario: &scenario,
+        going: &mut going,
+        newest,
+        report: &mut report,
+        progress,
+        stop,
+    });
     let (client, error) = match served {
         Ok(end @ SessionEnd::Finish(_)) => {
             let error = going.finish_early(&mut |head, frame, record| {
@@ -109,18 +116,18 @@ pub(super) fn control_steered(
     listener: ControlListener,
     run: Run,
     steering: Steering,
-    output: Option<&Path>,
     stop: &Arc<AtomicBool>,
     progress: &mut dyn FnMut(usize, &SentFrame, &RunRecord),
 ) -> Result<Controlled> {
     let (scenario, over) = (run.scenario().clone(), Arc::new(AtomicBool::new(false)));
     let is_admitted = Arc::new(AtomicBool::new(false));
     let has_client = Arc::clone(&is_admitted);
-    let (end_run, is_over, output) = (Arc::clone(stop), Arc::clone(&over), output.map(Path::to_path_buf));
+    let (end_run, is_over) = (Arc::clone(stop), Arc::clone(&over));
     let serve = move || {
-        let mut session = listener.accept(&scenario, output.as_deref(), &is_over)?;
+        let mut session = listener.accept(&is_over)?;
         has_client.store(true, Ordering::SeqCst);
-        let end = session.serve_steered(&scenario, &steering, &is_over);
+        let mut steered = Steered { scenario: &scenario, steering: &steering, over: &is_over };
+        let end = session.serve_steered(&mut steered);
         if matches!(end, SessionEnd::Finish(_)) {
             end_run.store(true, Ordering::SeqCst);
         }

@@ -19,7 +19,7 @@ pub(super) fn sender(
     move |head, frame, record| {
         if head == 0 {
             let meta = &frame.meta;
-            first_head = Some(([meta.ra_deg, meta.dec_deg, meta.roll_deg], frame.truth.len(), meta.method));
+            first_head = Some(([meta.ra_deg, meta.dec_deg, meta.roll_deg], frame.truth.len(), meta.method.name()));
         }
         let Some(([ra_deg, dec_deg, roll_deg], stars, method)) = first_head else { return };
         let elapsed_s = since_first.get_or_insert_with(Stopwatch::start).elapsed().s();

@@ -130,20 +130,20 @@ impl Slave {
             return Err(error::step(from_s, step_s, at_s));
         }
         let Some(run) = &mut self.run else { return Err(error::step(from_s, step_s, at_s)) };
-        let at = run.zero() + Span::from_s(from_s);
+        let at = run.times().zero + Span::from_s(from_s);
         let has_jitter = self.has_jitter || self.inputs.jitter != [0.0; 3];
         let sample = self.inputs.sample(at, has_jitter)?;
         if self.inputs.trigger_count > self.fired {
             let (on_trigger, lasts) = (None, Span::ZERO);
             let action = Action::Trigger { number: self.inputs.trigger };
-            run.inject(&Event { at: at - run.zero(), on_trigger, lasts, action })?;
+            run.inject(&Event { at: at - run.times().zero, on_trigger, lasts, action })?;
         }
         self.fired = self.inputs.trigger_count;
         self.has_jitter = has_jitter;
         run.take_plant(&[sample])?;
         // The sample of the next step comes at the end of this one, and must not lie in the past then.
         let until = at + Span::from_s(step_s) - Span::from_ns(1);
-        let (heads, zero) = (&mut self.heads, run.zero());
+        let (heads, zero) = (&mut self.heads, run.times().zero);
         let outcome = run.advance_to(until, &mut |head, frame, _record| {
             if let Some(outputs) = heads.get_mut(head) {
                 outputs.take(frame, zero);

@@ -245,9 +245,9 @@ impl<'a> Flight<'a> {
         let options = RunOptions::stepped(Outputs::Made(&mut sink));
         let mut run = SteppedRun::of(Run::assemble(scenario, RunOptions { is_controlled: true, ..options })?)?;
         let noise_seed = scenario.bench.noise_seed();
-        let (start, camera) = ((noise_seed, run.zero()), &scenario.bench.camera);
+        let (start, camera) = ((noise_seed, run.times().zero), &scenario.bench.camera);
         let mut log = self.inside.as_ref().map(|inside| TrackerLog::new(inside, case.frames, start, (camera, bodies)));
-        let (zero, period) = (run.zero(), run.frame_period());
+        let (zero, period) = (run.times().zero, Span::from_s(1.0 / scenario.bench.timing.frame_rate_hz));
         let exposure_s = scenario.bench.camera.exposure.exposure_s;
         let poses: Vec<Pose> = poses(attitudes, case.frames, period, &case.whole_motion(value));
         let mut failure = None;
@@ -258,7 +258,7 @@ impl<'a> Flight<'a> {
                 some.iter().enumerate().flat_map(|(i, pose)| pose.samples(start(i), exposure_s, period)).collect();
             run.take_plant(&samples)?;
             let next = before_samples(start(some.len()), period, exposure_s);
-            let until = if first + some.len() == poses.len() { run.end_at() } else { next };
+            let until = if first + some.len() == poses.len() { run.times().end } else { next };
             let mut on_frame = |_: usize, frame: &mut SentFrame, _: &RunRecord| {
                 let pose = poses.get(frame.meta.number as usize);
                 let taken =
@@ -346,7 +346,7 @@ fn check_attitude(frame: &SentFrame, pose: Option<&Pose>) -> Result<()> {
     // Not so (also where it is not a number): held, stale or predicted.
     let is_there = off_rad < MOST_OFF_RAD;
     if !is_there {
-        bail!("frame {}: drawn {off_rad:.3e} rad off its attitude ({})", frame.meta.number, frame.meta.origin);
+        bail!("frame {}: drawn {off_rad:.3e} rad off its attitude ({})", frame.meta.number, frame.meta.origin.name());
     }
     Ok(())
 }

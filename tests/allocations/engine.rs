@@ -85,7 +85,7 @@ fn fire(slot: Slot, receiver: &mut Receiver, ledger: &mut Ledger) {
         let value = Message::Command(Command { token, request });
         assert!(receiver.accept(&Stamped { at: slot.release, value }, ledger).is_some(), "is answered");
     }
-    receiver.fire_triggers(slot, ledger, &mut |_| {});
+    receiver.fire_triggers(0, slot, ledger, &mut |_| {});
 }
 
 /// The flight computer, the bus and the clock.

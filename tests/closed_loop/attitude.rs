@@ -113,7 +113,7 @@ fn stopped_stream_is_held_and_reported() {
     let ledger = &run.outcome.record.ledger;
     assert!(ledger.count(EventKind::Predicted) > 0, "predicted while fresh");
     assert!(ledger.count(EventKind::AttitudeHeld) > 0, "then held");
-    assert_eq!(run.frames.last().unwrap().meta.origin, "held");
+    assert_eq!(run.frames.last().unwrap().meta.origin.name(), "held");
     assert_eq!(run.frames.len(), 30, "frames go on");
     let counted = ledger.count(EventKind::Predicted) + ledger.count(EventKind::AttitudeHeld);
     assert_eq!(counted, run.outcome.record.frames.extrapolated, "never silent");
@@ -134,7 +134,7 @@ fn long_exposure_that_outlives_the_stream_is_partly_extrapolated() {
     let record = &stopped.outcome.record;
     assert_eq!((record.frames.partly_extrapolated, record.ledger.count(EventKind::PartlyExtrapolated)), (1, 1));
     let meta = &stopped.frames[2].meta;
-    assert_eq!((meta.origin, meta.is_partly_extrapolated), ("interpolated", true));
+    assert_eq!((meta.origin.name(), meta.is_partly_extrapolated), ("interpolated", true));
     assert!(meta.horizon <= Span::ZERO, "{:?}", meta.horizon);
     let outside_ms = meta.end_horizon.ms();
     assert!((150.0..=170.0).contains(&outside_ms), "{outside_ms} ms after the last sample");
@@ -143,7 +143,7 @@ fn long_exposure_that_outlives_the_stream_is_partly_extrapolated() {
         !stopped.frames[3].meta.is_partly_extrapolated,
         "the one after is predicted from its middle on, and says so"
     );
-    assert_ne!(stopped.frames[3].meta.origin, "interpolated");
+    assert_ne!(stopped.frames[3].meta.origin.name(), "interpolated");
 }
 
 /// Tests that the last rows of a rolling shutter, exposed after the frame's release, are always reported as

@@ -53,7 +53,7 @@ fn stopped_stream_leaves_frames_out_when_the_policy_says_so() {
         "every slot is accounted for"
     );
     assert_eq!(run.frames.len() as u64 + missing, 30);
-    assert!(run.frames.iter().all(|frame| frame.meta.origin != "held"), "never a held sky");
+    assert!(run.frames.iter().all(|frame| frame.meta.origin.name() != "held"), "never a held sky");
     assert_eq!(record.ledger.count(EventKind::AttitudeHeld), 0);
     let reported = run.computer.received().last_status.unwrap().value;
     assert!(matches!(reported, StatusPage::State { mode: StimulatorMode::Stopped, .. }), "{reported:?}");

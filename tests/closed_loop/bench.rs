@@ -3,9 +3,12 @@
 use base::clock::{Clock, Virtual};
 use base::time::Tai;
 use config::{Bench, StartTime, Wire};
+use frames::report::{FrameEnd, RunLimits};
 use frames::sink::{FrameMeta, SentFrame, Sink, SinkError, SinkSummary};
 use link::{Port, simulated::simulated_pair};
-use run::runtime::{FrameEngine, RunOutcome, virtual_time};
+use run::runtime::virtual_time::{VirtualLoop, World};
+use run::runtime::{FrameEngine, Head, PortReading, RunOutcome, RunRecord, error::FarEndError};
+use run::runtime::{real_parts::Setting, real_time};
 use run::{runtime::receiver::Receiver, wiring::bench_parts};
 use std::sync::{Arc, Mutex};
 use testbed::flight_computer::{FlightComputer, FlightComputerParams};
@@ -93,7 +96,7 @@ pub(crate) struct Flight {
 pub(crate) fn fly(
     bench: &Bench,
     change: impl FnOnce(&mut FlightComputerParams),
-    sink: &mut dyn Sink,
+    sink: Box<dyn Sink>,
     beside: &mut dyn FnMut(Tai, &FlightComputer, &mut Port) -> Option<Tai>,
 ) -> Flight {
     let start = start(bench);
@@ -101,7 +104,7 @@ pub(crate) fn fly(
     let mut computer_params = bench_parts::flight_computer(bench, start);
     change(&mut computer_params);
     let mut computer = FlightComputer::new(computer_params);
-    let mut engine = FrameEngine::new(params.clone()).unwrap();
+    let mut head = Head::new(FrameEngine::new(params.clone()).unwrap(), sink);
     let mut receiver = Receiver::new(params.attitude).unwrap();
     let clock = Arc::new(Virtual::new(start));
     let shared: Arc<dyn Clock> = clock.clone();
@@ -114,16 +117,49 @@ pub(crate) fn fly(
         let due = computer.next_due();
         Ok(beside(now, &computer, &mut far).map_or(due, |wanted| due.min(wanted)))
     };
-    let outcome =
-        virtual_time::run(&mut engine, &mut receiver, &mut near, &clock, sink, &mut far_end, &mut |_, _| true);
+    let outcome = fly_head(&mut head, &mut receiver, &mut near, &clock, &mut far_end, &mut |_, _| true);
     Flight { outcome, computer, receiver }
 }
 
 /// Runs a bench with a changed flight computer and a sink with space for this many frames.
 pub(crate) fn run_changed(bench: &Bench, change: impl FnOnce(&mut FlightComputerParams), space: usize) -> Run {
     let frames = Arc::new(Mutex::new(Vec::new()));
-    let mut sink = Keeper { frames: Arc::clone(&frames), space };
-    let Flight { outcome, computer, .. } = fly(bench, change, &mut sink, &mut |_, _, _| None);
+    let sink = Box::new(Keeper { frames: Arc::clone(&frames), space });
+    let Flight { outcome, computer, .. } = fly(bench, change, sink, &mut |_, _, _| None);
     let frames = frames.lock().unwrap().clone();
     Run { outcome, frames, computer }
+}
+
+/// Runs every slot of one head on the virtual clock. `far_end` steps the other end of the cable to an instant and returns
+/// when it next has work; `progress` is called after each frame, and returns whether to go on.
+pub(crate) fn fly_head(
+    head: &mut Head,
+    receiver: &mut Receiver,
+    port: &mut Port,
+    clock: &Arc<Virtual>,
+    far_end: &mut dyn FnMut(Tai) -> Result<Tai, FarEndError>,
+    progress: &mut dyn FnMut(&SentFrame, &RunRecord) -> bool,
+) -> RunOutcome {
+    let progress = &mut |_head: usize, frame: &mut SentFrame, record: &RunRecord| progress(frame, record);
+    let (heads, mut going) = (core::slice::from_mut(head), VirtualLoop::new(Arc::clone(clock)));
+    let mut world = World { port, receiver, far_end, progress };
+    let error = going.finish(heads, &mut world).err();
+    let ports = vec![PortReading::of(world.port, 0)];
+    let outcome = going.end(heads, ports, FrameEnd::Dropped);
+    RunOutcome { error: error.or(outcome.error), ..outcome }
+}
+
+/// Runs every slot of one head on the bench clock, without other sources than a port. `progress` is called after each
+/// frame and must not block.
+pub(crate) fn fly_real_head(
+    head: &mut Head,
+    receiver: &mut Receiver,
+    port: Port,
+    clock: &Arc<dyn Clock>,
+    progress: &mut dyn FnMut(&SentFrame, &RunRecord),
+) -> RunOutcome {
+    let (limits, stop) = (RunLimits::default(), Arc::default());
+    let setting = Setting { clock, stop: &stop, hygiene: None, ring_frames: 0, limits, orders: None };
+    let heads = core::slice::from_mut(head);
+    real_time::run_in(&setting, heads, receiver, port.into(), &mut |_head, frame, record| progress(frame, record))
 }

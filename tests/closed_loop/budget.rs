@@ -11,8 +11,8 @@ use frames::report::{Fate, FrameRecord, RunLimits};
 use frames::sink::{NullSink, SentFrame};
 use link::{Port, simulated::simulated_pair};
 use plan::attitude::MotionScale;
-use run::runtime::virtual_time::{Head, VirtualLoop, World};
-use run::runtime::{EventKind, FrameEngine, Ledger, real_parts, real_time};
+use run::runtime::virtual_time::{VirtualLoop, World};
+use run::runtime::{EventKind, FrameEngine, Head, Ledger, real_parts, real_time};
 use run::{runtime::receiver::Receiver, wiring::bench_parts};
 use std::process::{Command, Output};
 use std::{path::Path, sync::Arc, sync::atomic::AtomicBool};
@@ -43,16 +43,17 @@ fn degradations(bench: &Bench, follow: bool, drawn: impl Fn(u32) -> Span) -> (Ve
     let shared: Arc<dyn Clock> = clock.clone();
     let [mut near, mut far] = ports(bench, &shared);
     let mut computer = FlightComputer::new(bench_parts::flight_computer(bench, start));
-    let (mut degradations, mut ledger, mut sink) = (Vec::new(), Ledger::default(), NullSink::new());
+    let (mut degradations, mut ledger) = (Vec::new(), Ledger::default());
     let mut going = VirtualLoop::new(clock);
-    let mut heads = [Head { engine: &mut engine, receiver: &mut receiver, sink: &mut sink, faults: None }];
+    let mut heads = [Head::new(engine, Box::new(NullSink::new()))];
     for number in 0..params.frames {
         let slot = heads[0].engine.slot(number);
         let mut world = World {
             port: &mut near,
+            receiver: &mut receiver,
             far_end: &mut |now: Tai| Ok(computer.step(now, &mut far).map(|()| computer.next_due())?),
             progress: &mut |_, frame: &mut SentFrame, _| {
-                degradations.push(frame.meta.degradation);
+                degradations.push(frame.meta.degradation.name());
                 true
             },
         };
@@ -100,13 +101,14 @@ fn bounds(bench: &Bench, motion: Option<MotionScale>) -> Vec<Option<f64>> {
     let shared: Arc<dyn Clock> = clock.clone();
     let [mut near, mut far] = ports(bench, &shared);
     let mut computer = FlightComputer::new(bench_parts::flight_computer(bench, start));
-    let (mut going, mut sink) = (VirtualLoop::new(clock), NullSink::new());
-    let mut heads = [Head { engine: &mut engine, receiver: &mut receiver, sink: &mut sink, faults: None }];
+    let mut going = VirtualLoop::new(clock);
+    let mut heads = [Head::new(engine, Box::new(NullSink::new()))];
     let mut bounds = Vec::new();
     for number in 0..params.frames {
         let slot = heads[0].engine.slot(number);
         let mut far_end = |now: Tai| Ok(computer.step(now, &mut far).map(|()| computer.next_due())?);
-        let mut world = World { port: &mut near, far_end: &mut far_end, progress: &mut |_, _, _| true };
+        let (port, receiver) = (&mut near, &mut receiver);
+        let mut world = World { port, receiver, far_end: &mut far_end, progress: &mut |_, _, _| true };
         going.advance_to(slot.release, &mut heads, &mut world).unwrap();
         bounds.push(heads[0].engine.pointing_bound_rad());
     }
@@ -138,7 +140,7 @@ fn the_attitude_has_a_bound_where_the_motion_is_known_and_none_where_it_is_not()
 fn alone(bench: &Bench, ring_frames: usize) -> (Vec<FrameRecord>, run::runtime::RunOutcome) {
     let start = start(bench);
     let params = bench_parts::run_params(bench, start).unwrap();
-    let mut engine = FrameEngine::new(params.clone()).unwrap();
+    let mut head = Head::new(FrameEngine::new(params.clone()).unwrap(), Box::new(NullSink::new()));
     let mut receiver = Receiver::new(params.attitude).unwrap();
     let clock: Arc<dyn Clock> = Arc::new(Monotonic::start_at(start));
     let [near, _far] = ports(bench, &clock);
@@ -151,9 +153,8 @@ fn alone(bench: &Bench, ring_frames: usize) -> (Vec<FrameRecord>, run::runtime::
         limits: RunLimits::default(),
         orders: None,
     };
-    let sink = Box::new(NullSink::new());
-    let heads = vec![real_parts::Head { engine: &mut engine, receiver: &mut receiver, sink, faults: None }];
-    let outcome = real_time::run_in(&setting, heads, near.into(), &mut |_, _, _| {});
+    let heads = core::slice::from_mut(&mut head);
+    let outcome = real_time::run_in(&setting, heads, &mut receiver, near.into(), &mut |_, _, _| {});
     (outcome.record.ring.last().copied().collect(), outcome)
 }
 

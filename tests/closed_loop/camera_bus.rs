@@ -1,7 +1,7 @@
 //! Tests camera commands of the flight computer over the bus: the light follows exposure and gain, triggers start
 //! exposures at their instants, and an impossible command is answered with its reason.
 
-use crate::bench::{built_in, start};
+use crate::bench::{built_in, fly_head, start};
 use base::clock::{Clock, Virtual};
 use base::time::{Span, Tai};
 use config::Bench;
@@ -9,7 +9,7 @@ use firmware_protocol::can::IdMap;
 use firmware_protocol::message::{ALL_HEADS, CameraKind, CameraPage, CameraSetting, Refusal};
 use frames::sink::{FrameMeta, NullSink};
 use link::{Port, simulated::simulated_pair};
-use run::runtime::{EventKind, FrameEngine, RunOutcome, virtual_time};
+use run::runtime::{EventKind, FrameEngine, Head, RunOutcome};
 use run::{runtime::receiver::Receiver, wiring::bench_parts};
 use std::sync::Arc;
 use testbed::flight_computer::{CameraAnswers, FlightComputer, Received};
@@ -67,7 +67,7 @@ fn fly(bench: &Bench, said: &[(f64, Said)]) -> Flown {
     let start = start(bench);
     let params = bench_parts::run_params(bench, start).unwrap();
     let mut receiver = Receiver::new(params.attitude.clone()).unwrap();
-    let mut engine = FrameEngine::new(params).unwrap();
+    let mut head = Head::new(FrameEngine::new(params).unwrap(), Box::new(NullSink::new()));
     let clock = Arc::new(Virtual::new(start));
     let shared: Arc<dyn Clock> = clock.clone();
     let (bus, format) = bench_parts::bus(bench);
@@ -75,13 +75,12 @@ fn fly(bench: &Bench, said: &[(f64, Said)]) -> Flown {
     let (near, far) = simulated_pair(bus, &shared);
     let (mut near, mut far) = (Port::new(Box::new(near), format, ids), Port::new(Box::new(far), format, ids));
     let mut computer = FlightComputer::new(bench_parts::flight_computer(bench, start));
-    let (mut left, mut frames, mut sink) = (said.iter().peekable(), Vec::new(), NullSink::new());
-    let outcome = virtual_time::run(
-        &mut engine,
+    let (mut left, mut frames) = (said.iter().peekable(), Vec::new());
+    let outcome = fly_head(
+        &mut head,
         &mut receiver,
         &mut near,
         &clock,
-        &mut sink,
         &mut |now| {
             while let Some((_, said)) = left.next_if(|(s, _)| start + Span::from_s(*s) <= now) {
                 match *said {

@@ -3,6 +3,7 @@
 
 use crate::pixels::scenario;
 use base::axes::Rotation;
+use base::drawn::PathOrigin;
 use base::time::{Span, Tai};
 use batch::campaign::{episode_scenario, run_episode};
 use config::{Action, Event};
@@ -46,7 +47,7 @@ fn quiet() -> config::Scenario {
     quiet
 }
 
-fn meta(attitude: &Rotation<base::axes::Sensor, base::axes::Icrf>, origin: &'static str) -> FrameMeta {
+fn meta(attitude: &Rotation<base::axes::Sensor, base::axes::Icrf>, origin: PathOrigin) -> FrameMeta {
     let mut meta = FrameMeta::empty("test".into());
     meta.attitude_wxyz = attitude.wxyz();
     meta.origin = origin;
@@ -63,10 +64,10 @@ fn wrong_frame_without_a_report_is_a_violation() {
         witness.take_frame(0, meta, Some((truth, rate_rad_s)));
         witness.assessment().violations().0
     };
-    assert_eq!(violations(&meta(&Rotation::IDENTITY, "interpolated"), 0.0), 0, "the control itself");
-    assert_eq!(violations(&meta(&off, "interpolated"), 0.0), 1, "one arcsecond off");
-    assert_eq!(violations(&meta(&off, "predicted"), 0.0), 0, "it says so");
-    assert_eq!(violations(&meta(&off, "interpolated"), 0.1), 0, "within 200 us of a fast turn");
+    assert_eq!(violations(&meta(&Rotation::IDENTITY, PathOrigin::Interpolated), 0.0), 0, "the control itself");
+    assert_eq!(violations(&meta(&off, PathOrigin::Interpolated), 0.0), 1, "one arcsecond off");
+    assert_eq!(violations(&meta(&off, PathOrigin::Predicted), 0.0), 0, "it says so");
+    assert_eq!(violations(&meta(&off, PathOrigin::Interpolated), 0.1), 0, "within 200 us of a fast turn");
 }
 
 #[test]

@@ -22,7 +22,7 @@ struct Seen {
 fn fly(scenario: &Scenario) -> (RunEnd, Mode, Vec<Seen>) {
     let mut seen = Vec::new();
     let mut going = SteppedRun::new(scenario, |_| Box::new(NullSink::new())).unwrap();
-    let zero = going.zero();
+    let zero = going.times().zero;
     let mut look = |_: usize, frame: &mut SentFrame, _: &run::runtime::RunRecord| {
         let (meta, size_px) = (&frame.meta, [frame.image.width(), frame.image.height()]);
         let window_share = meta.regions.pixels(size_px) as f64 / frame.image.pixels().len() as f64;

@@ -2,14 +2,14 @@
 //!
 //! No wall time is asserted: the readout time leaves 1 ms for a frame for which the reference backend needs far more.
 
-use crate::bench::{built_in, start};
+use crate::bench::{built_in, fly_real_head, start};
 use base::clock::{Clock, Monotonic};
 use config::{Backend, Bench, DeadlinePolicy};
 use frames::sink::{NullSink, SentFrame};
 use link::{Port, simulated::simulated_pair};
-use run::runtime::{EventKind, FrameEngine, RunOutcome, RunRecord, real_time};
+use run::runtime::{EventKind, FrameEngine, Head, RunOutcome, RunRecord};
 use run::{runtime::receiver::Receiver, wiring::bench_parts};
-use std::sync::{Arc, atomic::AtomicBool};
+use std::sync::Arc;
 
 const FRAMES: u64 = 4;
 
@@ -26,15 +26,13 @@ fn run_late(policy: DeadlinePolicy) -> RunOutcome {
 fn run(bench: &Bench, progress: &mut dyn FnMut(&SentFrame, &RunRecord)) -> RunOutcome {
     let start = start(bench);
     let params = bench_parts::run_params(bench, start).unwrap();
-    let mut engine = FrameEngine::new(params.clone()).unwrap();
-    let mut receiver = Receiver::new(params.attitude).unwrap();
+    let mut receiver = Receiver::new(params.attitude.clone()).unwrap();
     let clock: Arc<dyn Clock> = Arc::new(Monotonic::start_at(start));
     let (bus, format) = bench_parts::bus(bench);
     let (near, _far) = simulated_pair(bus, &clock);
     let port = Port::new(Box::new(near), format, firmware_protocol::can::IdMap::new(0, 0).unwrap());
-    let stop = Arc::new(AtomicBool::new(false));
-    let sink = Box::new(NullSink::new());
-    real_time::run(&mut engine, &mut receiver, port, &clock, sink, &stop, progress)
+    let mut head = Head::new(FrameEngine::new(params).unwrap(), Box::new(NullSink::new()));
+    fly_real_head(&mut head, &mut receiver, port, &clock, progress)
 }
 
 #[test]

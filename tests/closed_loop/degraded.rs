@@ -32,8 +32,8 @@ fn without_time(readout_s: f64, degrade: Degrade) -> Bench {
 
 fn by_degradation(frames: &[Kept]) -> BTreeMap<String, u64> {
     let mut counts = BTreeMap::new();
-    for frame in frames.iter().filter(|frame| frame.meta.degradation != Degradation::Full.name()) {
-        *counts.entry(frame.meta.degradation.to_owned()).or_insert(0) += 1;
+    for frame in frames.iter().filter(|frame| frame.meta.degradation != Degradation::Full) {
+        *counts.entry(frame.meta.degradation.name().to_owned()).or_insert(0) += 1;
     }
     counts
 }
@@ -49,7 +49,7 @@ fn a_frame_without_time_is_degraded_counted_and_reported() {
         let events: Vec<_> = record.ledger.last().filter(|event| event.kind == EventKind::Degraded).collect();
         for frame in &run.frames {
             let event = events.iter().find(|event| event.frame == Some(frame.meta.number)).unwrap();
-            assert_eq!(event.degradation.name(), frame.meta.degradation, "the event names the frame's degradation");
+            assert_eq!(event.degradation, frame.meta.degradation, "the event names the frame's degradation");
             assert!(event.degradation > Degradation::Full && event.span > Span::ZERO, "{event:?}");
         }
         let params = bench_parts::run_params(&bench, start(&bench)).unwrap();
@@ -70,7 +70,7 @@ fn when_even_the_detector_has_no_time_the_brightest_stars_stay_and_the_rest_is_a
             short.meta.degradation < impossible.meta.degradation || short.stars >= impossible.stars,
             "less time gives up more"
         );
-        assert_eq!((impossible.stars, impossible.meta.degradation), (LEAST_STARS, Degradation::BrightStarsOnly.name()));
+        assert_eq!((impossible.stars, impossible.meta.degradation), (LEAST_STARS, Degradation::BrightStarsOnly));
         let all = |frame: &Kept| frame.stars + frame.meta.left_out_stars;
         assert_eq!(all(impossible), all(whole), "every star is drawn or counted");
         assert!(impossible.meta.left_out_e > whole.meta.left_out_e, "and its light");
@@ -128,13 +128,13 @@ fn files_contain_the_degradation_of_the_frame() {
     for (row, Kept { meta, .. }) in rows.iter().zip(&frames) {
         assert_eq!(
             (row.degradation.as_str(), row.left_out_stars),
-            (meta.degradation, meta.left_out_stars),
+            (meta.degradation.name(), meta.left_out_stars),
             "frames.csv"
         );
         assert_eq!(row.left_out_e.to_bits(), meta.left_out_e.to_bits(), "frames.csv");
         let file = File::open(directory.join(format!("frame_{:06}.fits", meta.number))).unwrap();
         let header = read_image(file).unwrap().header;
-        assert_eq!(header.text("RUNG").as_deref(), Some(meta.degradation), "FITS");
+        assert_eq!(header.text("RUNG").as_deref(), Some(meta.degradation.name()), "FITS");
         assert_eq!(header.integer("NLEFTOUT"), i128::try_from(meta.left_out_stars).ok(), "FITS");
         assert_eq!(header.real("LEFTOUTE"), Some(meta.left_out_e), "FITS");
     }

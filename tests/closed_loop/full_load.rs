@@ -11,8 +11,8 @@ use firmware_protocol::{Message, can::IdMap};
 use frames::{report::RunLimits, sink::NullSink};
 use link::simulated::{BusParams, BusTiming, SimulatedBus};
 use link::{Port, WireFormat};
-use run::runtime::real_parts::{Head, Setting, Sources};
-use run::runtime::{FrameEngine, RunParams, real_time};
+use run::runtime::real_parts::{Setting, Sources};
+use run::runtime::{FrameEngine, Head, RunParams, real_time};
 use run::{runtime::receiver::Receiver, wiring::bench_parts};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::{sync::Arc, thread::JoinHandle};
@@ -82,7 +82,7 @@ fn a_full_bus_and_a_full_line_lose_nothing() {
     let start = Tai::from_rfc3339("2026-03-01T00:00:00Z").unwrap();
     let seconds = seconds();
     let params = run_params(seconds, start);
-    let mut engine = FrameEngine::new(params.clone()).unwrap();
+    let mut head = Head::new(FrameEngine::new(params.clone()).unwrap(), Box::new(NullSink::new()));
     let mut receiver = Receiver::new(params.attitude.clone()).unwrap();
     let clock: Arc<dyn Clock> = Arc::new(Monotonic::start_at(start));
     let over = Arc::new(AtomicBool::new(false));
@@ -114,16 +114,15 @@ fn a_full_bus_and_a_full_line_lose_nothing() {
         orders: None,
     };
     let sources = Sources { ports: vec![bus_port, line_port], pulses: None, samples: None, chips: Vec::new() };
-    let sink = Box::new(NullSink::new());
-    let heads = vec![Head { engine: &mut engine, receiver: &mut receiver, sink, faults: None }];
-    let outcome = real_time::run_in(&setting, heads, sources, &mut |_, _, _| {});
+    let heads = core::slice::from_mut(&mut head);
+    let outcome = real_time::run_in(&setting, heads, &mut receiver, sources, &mut |_, _, _| {});
     ender.unwrap().join().unwrap();
     assert!(outcome.error.is_none(), "{:?}", outcome.error.map(|error| error.to_string()));
     let load = bus.bus.statistics().load();
     // The line's statistics are of both directions; one is used.
     let line_load = line.bus.statistics().load();
     let sent = [bus.sender.join().unwrap(), line.sender.join().unwrap()];
-    let summary = outcome.record.summary(&engine, &receiver, &outcome.ports, None);
+    let summary = outcome.record.summary(&head.engine, &receiver, &outcome.ports, None);
     println!(
         "{seconds} s: {sent:?} messages sent, bus load {:.1} %, line load {:.1} %",
         100.0 * load,

@@ -12,8 +12,8 @@ use frames::report::{Fate, MissCause, RunLimits};
 use frames::sink::{NullSink, Sink};
 use glam::DQuat;
 use link::{Port, simulated::simulated_pair};
-use run::runtime::real_parts::{Head, Setting};
-use run::runtime::{EventKind, FrameEngine, real_time};
+use run::runtime::real_parts::Setting;
+use run::runtime::{EventKind, FrameEngine, Head, real_time};
 use run::{runtime::receiver::Receiver, wiring::bench_parts};
 use std::sync::{Arc, Mutex};
 use std::{collections::BTreeMap, path::Path, process::Command, sync::atomic::AtomicBool};
@@ -112,13 +112,6 @@ fn a_head_whose_sink_is_stuck_costs_the_others_nothing() {
     let (at_end, gate) = bounded(0);
     let bench = three();
     let start = start(&bench);
-    let mut heads: Vec<(FrameEngine, Receiver)> = (0..bench.head_count())
-        .map(|number| {
-            let params = bench_parts::run_params(&bench.of_head(number), start).unwrap();
-            let receiver = Receiver::new(params.attitude.clone()).unwrap();
-            (FrameEngine::new(params).unwrap(), receiver)
-        })
-        .collect();
     let clock: Arc<dyn Clock> = Arc::new(Monotonic::start_at(start));
     let (bus, format) = bench_parts::bus(&bench);
     let (near, _far) = simulated_pair(bus, &clock);
@@ -133,16 +126,20 @@ fn a_head_whose_sink_is_stuck_costs_the_others_nothing() {
         orders: None,
     };
     let mut gate = Some(gate);
-    let parts = heads.iter_mut().enumerate().map(|(number, (engine, receiver))| {
-        let trouble = (number == 1).then(|| gate.take()).flatten();
-        let sink: Box<dyn Sink> = match trouble {
+    let head = |number: usize| {
+        let sink: Box<dyn Sink> = match (number == 1).then(|| gate.take()).flatten() {
             Some(gate) => Box::new(Troubled { inner: NullSink::new(), trouble: Trouble::Slow(gate) }),
             None => Box::new(NullSink::new()),
         };
-        Head { engine, receiver, sink, faults: None }
-    });
+        let params = bench_parts::run_params(&bench.of_head(number), start).unwrap();
+        Head::new(FrameEngine::new(params).unwrap().of_head(number), sink)
+    };
+    let mut heads: Vec<Head> = (0..bench.head_count()).map(head).collect();
+    let attitude = |head: &Head| head.engine.params().attitude.clone();
+    let mut receiver = Receiver::new(attitude(&heads[0])).unwrap();
+    heads[1..].iter().for_each(|head| receiver.add_head(&attitude(head)).unwrap());
     let mut at_end = Some(at_end);
-    let outcome = real_time::run_in(&setting, parts.collect(), port.into(), &mut |head, frame, _| {
+    let outcome = real_time::run_in(&setting, &mut heads, &mut receiver, port.into(), &mut |head, frame, _| {
         if head == 2 && u64::from(frame.meta.number) + 1 == FRAMES {
             at_end = None;
         }
@@ -175,7 +172,7 @@ fn three_heads_fly_on_the_real_clock() {
     });
     let mut interpolated = 0;
     let mut count = |_: usize, frame: &frames::sink::SentFrame, _: &run::runtime::RunRecord| {
-        interpolated += u64::from(frame.meta.origin == "interpolated");
+        interpolated += u64::from(frame.meta.origin.name() == "interpolated");
     };
     let outcome = fly_real(&scenario, &mut sink, on_row, &mut count);
     let frames = &outcome.record.frames;

@@ -173,7 +173,7 @@ fn fault_waiting_for_a_trigger_does_not_start_without_it() {
     // Fired twice during the run: each acts one second later.
     let keeper = Keeper::default();
     let mut going = SteppedRun::new(&scenario, |_| Box::new(keeper.clone())).unwrap();
-    let zero = going.zero();
+    let zero = going.times().zero;
     for at_s in [3.0, 12.0] {
         going.advance_to(zero + Span::from_s(at_s), &mut |_, _, _| true).unwrap();
         let fire = Event { action: Action::Trigger { number: 4 }, ..event(at_s, 0.0, FrameFault::Blank) };

@@ -103,16 +103,16 @@ struct Flown {
 fn fly(bench: &Bench, delay: Option<Span>) -> Flown {
     let shots = Arc::new(Mutex::new(Vec::new()));
     let mut sender = delay.map(|delay| LateSender { wire: bench.link.wire, delay, boot: start(bench), sent: 0 });
-    let mut sink = Album(Arc::clone(&shots));
+    let sink = Box::new(Album(Arc::clone(&shots)));
     let silent = |computer: &mut FlightComputerParams| computer.jitter = JitterStream::OFF;
-    let Flight { outcome, receiver, .. } = bench::fly(bench, silent, &mut sink, &mut |now, computer, far| {
+    let Flight { outcome, receiver, .. } = bench::fly(bench, silent, sink, &mut |now, computer, far| {
         let sender = sender.as_mut()?;
         sender.send_due(now, computer, far);
         Some(sender.next_due())
     });
     assert!(outcome.error.is_none(), "{:?}", outcome.error.map(|error| error.to_string()));
     let shots = core::mem::take(&mut *shots.lock().unwrap());
-    Flown { shots, record: outcome.record, late_samples: receiver.late_jitter() }
+    Flown { shots, record: outcome.record, late_samples: receiver.mounting(0).late_jitter() }
 }
 
 fn bench(wire: Wire, source: JitterSource) -> Bench {

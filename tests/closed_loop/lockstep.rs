@@ -75,7 +75,7 @@ impl Flight {
 /// Feeds a run in batches of this size, a batch as soon as the previous one is used up, and steps it in odd lengths.
 fn fly(scenario: &Scenario, batch: usize, edit: impl Fn(Vec<PlantSample>) -> Vec<PlantSample>) -> Flight {
     let mut run = assembled(scenario);
-    let (zero, end) = (run.zero(), run.end_at());
+    let (zero, end) = (run.times().zero, run.times().end);
     let all = edit(samples(zero));
     let mut batches = all.chunks(batch).peekable();
     let mut flight = Flight { frames: Vec::new(), trackers: Vec::new(), places_px: BTreeMap::new(), refused: 0 };
@@ -111,12 +111,12 @@ fn error_arcsec(meta: &FrameMeta, wanted: Rotation<Sensor, Icrf>) -> f64 {
 #[test]
 fn frames_show_what_was_sent_bit_for_bit_in_batches_of_any_size() {
     let scenario = scenario("");
-    let (zero, mounting) = (assembled(&scenario).zero(), scenario.bench.sensor_from_body);
+    let (zero, mounting) = (assembled(&scenario).times().zero, scenario.bench.sensor_from_body);
     let one = fly(&scenario, 1, |samples| samples);
     assert_eq!((one.frames.len(), one.refused), (12, 0));
     for (_, meta) in &one.frames {
         let t_s = (meta.mid_exposure - zero).s();
-        assert_eq!(meta.origin, "interpolated");
+        assert_eq!(meta.origin.name(), "interpolated");
         let error = error_arcsec(meta, mounting * turned(t_s));
         assert!(error < SHOWN_ARCSEC, "frame {}: {error} arcsec", meta.number);
         let conjugated = error_arcsec(meta, mounting * turned(t_s).inverse_as_attitude());
@@ -149,7 +149,7 @@ impl Conjugate for Rotation<Body, Icrf> {
 fn an_old_or_bad_list_is_refused_counted_and_changes_nothing() {
     let scenario = scenario("");
     let mut run = assembled(&scenario);
-    let zero = run.zero();
+    let zero = run.times().zero;
     run.take_plant(&samples(zero)[..40]).unwrap();
     run.advance_to(zero + Span::from_ms(300), &mut |_, _, _| true).unwrap();
     let before = run.plant_waiting();
@@ -166,7 +166,7 @@ fn an_old_or_bad_list_is_refused_counted_and_changes_nothing() {
     assert_eq!(run.record().ledger.count(EventKind::SampleRefused), 2 + 1 + 2 + 1);
     let mut origins = Vec::new();
     run.run_to_end(&mut |_, frame, _| {
-        origins.push(frame.meta.origin);
+        origins.push(frame.meta.origin.name());
         true
     })
     .unwrap();
@@ -189,7 +189,7 @@ fn a_plant_outside_needs_whoever_steps_the_run() {
     let mut inside = Scenario::from_document(&Document::built_in("benches/loopback.toml").unwrap()).unwrap();
     inside.bench.camera = outside.bench.camera.clone();
     let mut run = assembled(&inside);
-    let zero = run.zero();
+    let zero = run.times().zero;
     let error = run.take_plant(&[sample(zero, 0.1)]).unwrap_err().to_string();
     assert!(error.contains("plant.kind = \"outside\""), "{error}");
 }
@@ -200,7 +200,7 @@ fn the_built_in_tracker_finds_the_attitude_that_was_sent() {
     let flight = fly(&tracked, 7, |samples| samples);
     assert_eq!(flight.trackers[0], None, "before the first frame");
     let outputs: Vec<TrackerOutput> = flight.trackers.iter().copied().flatten().collect();
-    let (zero, mounting) = (assembled(&tracked).zero(), tracked.bench.sensor_from_body);
+    let (zero, mounting) = (assembled(&tracked).times().zero, tracked.bench.sensor_from_body);
     let solved = outputs.iter().filter_map(|output| match output.outcome {
         Outcome::Solved(solution) => Some((output, solution)),
         Outcome::NoSolution(_) => None,

@@ -111,7 +111,7 @@ fn stray_light_takes_the_stars_and_gives_them_back() {
     let mut light = scenario("stray_light");
     light.events.retain(|event| event.at.s() > 190.0);
     let mut going = SteppedRun::new(&light, |_| Box::new(NullSink::new())).unwrap();
-    let zero = going.zero();
+    let zero = going.times().zero;
     let mut stars_at = |seconds: f64| {
         going.advance_to(zero + base::time::Span::from_s(seconds), &mut |_, _, _| true).unwrap();
         let reports: Vec<_> = going.with_vehicle(|v| v.head_reports().copied().collect::<Vec<_>>()).unwrap();
@@ -150,9 +150,9 @@ fn crcs(seed: u64, step_s: Option<f64>) -> (Vec<u32>, u32) {
     let mut going = SteppedRun::new(&short, |_| Box::new(NullSink::new())).unwrap();
     if let Some(step_s) = step_s {
         let mut at = going.now();
-        while at < going.end_at() {
+        while at < going.times().end {
             at = at + base::time::Span::from_s(step_s);
-            going.advance_to(at.min(going.end_at()), &mut |_, _, _| true).unwrap();
+            going.advance_to(at.min(going.times().end), &mut |_, _, _| true).unwrap();
         }
     }
     going.run_to_end(&mut |_, _, _| true).unwrap();

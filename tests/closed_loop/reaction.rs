@@ -33,7 +33,7 @@ fn begun() -> SteppedRun {
 }
 
 fn step_to(run: &mut SteppedRun, s: f64) {
-    run.advance_to(run.zero() + Span::from_s(s), &mut |_, _, _| true).unwrap();
+    run.advance_to(run.times().zero + Span::from_s(s), &mut |_, _, _| true).unwrap();
 }
 
 fn rate(run: &SteppedRun) -> DVec3 {
@@ -50,7 +50,7 @@ fn a_torque_from_outside_turns_the_body_by_its_impulse() {
         let mut run = begun();
         let before = rate(&run);
         // Between two integration steps, for a time that is not a multiple of them.
-        let from = run.zero() + Span::from_s(1.0037);
+        let from = run.times().zero + Span::from_s(1.0037);
         run.with_vehicle_mut(|vehicle, now| vehicle.push(torque_n_m, from, Span::from_s(2.501), now)).unwrap().unwrap();
         step_to(&mut run, 4.0);
         rate(&run) - before
@@ -69,7 +69,7 @@ fn wheels_driven_outside_give_the_body_what_they_take() {
     let speeds = |run: &SteppedRun| run.with_vehicle(|vehicle| vehicle.wheel_speeds_rad_s().to_vec()).unwrap();
     let speeds_before = speeds(&run);
     let drive = |run: &mut SteppedRun, torques: &[f64], s: f64| {
-        let at = run.zero() + Span::from_s(s);
+        let at = run.times().zero + Span::from_s(s);
         run.with_vehicle_mut(|vehicle, now| vehicle.drive_wheels(torques, at, now)).unwrap()
     };
     // Announced in the wrong order: each starts at its own time.
@@ -103,7 +103,7 @@ fn flown_outside(has_control: bool) -> f64 {
     let mut run = begun();
     let target = run.with_vehicle(Vehicle::target).unwrap();
     let (inertia, axes) = (inertia(), wheel_axes());
-    let from = run.zero() + Span::from_s(0.5);
+    let from = run.times().zero + Span::from_s(0.5);
     let torque = DVec3::new(1e-3, 0.0, 0.0);
     run.with_vehicle_mut(|vehicle, now| vehicle.push(torque, from, Span::from_s(60.0), now)).unwrap().unwrap();
     let mut error_rad = 0.0;
@@ -170,7 +170,7 @@ fn attitudes_of_a_tracker_outside_reach_the_estimator() {
     let (error, _) = sighted_outside(DVec3::X * 300.0 * ARCSEC);
     assert!((error - 300.0).abs() < 10.0, "control: it believes what it is sent: {error} arcsec");
     let mut run = begun();
-    let (zero, truth) = (run.zero(), run.with_vehicle(|vehicle| vehicle.target()).unwrap());
+    let (zero, truth) = (run.times().zero, run.with_vehicle(|vehicle| vehicle.target()).unwrap());
     for (at_s, sigma, part) in [(0.5, 1e-5, "time tag"), (-2.5, 1e-5, "time tag"), (0.0, 0.0, "sigma")] {
         let at = zero + Span::from_s(at_s);
         let refused = run.with_vehicle_mut(|vehicle, now| vehicle.take_attitude(at, truth, DVec3::splat(sigma), now));

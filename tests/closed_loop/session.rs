@@ -1,6 +1,6 @@
 //! Tests the session over the simulated bus: HELLO and RUN start it, STOP ends it, STATUS echoes the rendered pointing.
 
-use crate::bench::{built_in, start};
+use crate::bench::{built_in, fly_head, start};
 use base::axes::{Icrf, Rotation, Sensor, ra_dec_roll};
 use base::clock::{Clock, Virtual};
 use base::time::{Span, Tai};
@@ -15,7 +15,7 @@ use firmware_protocol::{can::IdMap, version::Version};
 use frames::sink::NullSink;
 use link::simulated::simulated_bus;
 use link::{Link, Packet, Port, Stamped};
-use run::runtime::{EventKind, FrameEngine, RunOutcome, virtual_time};
+use run::runtime::{EventKind, FrameEngine, Head, RunOutcome};
 use run::{runtime::receiver::Receiver, wiring::bench_parts};
 use std::sync::Arc;
 use testbed::flight_computer::FlightComputer;
@@ -39,7 +39,7 @@ enum Says {
 fn overhear(bench: &Bench, script: &[(f64, Says)]) -> Overheard {
     let start = start(bench);
     let params = bench_parts::run_params(bench, start).unwrap();
-    let mut engine = FrameEngine::new(params.clone()).unwrap();
+    let mut head = Head::new(FrameEngine::new(params.clone()).unwrap(), Box::new(NullSink::new()));
     let session = bench_parts::session_params(bench);
     let mut receiver = Receiver::new(params.attitude).unwrap().with_session(session);
     [2, 3].into_iter().for_each(|number| receiver.expect_trigger(number));
@@ -54,12 +54,11 @@ fn overhear(bench: &Bench, script: &[(f64, Says)]) -> Overheard {
     let mut speaker = Speaker { script, next: 0, start };
     let mut computer = FlightComputer::new(bench_parts::flight_computer(bench, start));
     let mut received = Vec::new();
-    let outcome = virtual_time::run(
-        &mut engine,
+    let outcome = fly_head(
+        &mut head,
         &mut receiver,
         &mut near,
         &clock,
-        &mut NullSink::new(),
         &mut |now| {
             computer.step(now, &mut far)?;
             while let Some(message) = ear.receive(now)? {

@@ -2,16 +2,16 @@
 //!
 //! A slow sink is one that waits until the last frame has been drawn: no time is measured.
 
-use crate::bench::{built_in, start};
+use crate::bench::{built_in, fly_real_head, start};
 use base::clock::{Clock, Monotonic};
 use config::Bench;
 use crossbeam_channel::{Receiver as Gate, bounded};
 use frames::report::MissCause;
 use frames::sink::{BranchParams, Fan, NullSink, OnFull, SentFrame, Sink, SinkError, SinkSummary};
 use link::{Port, simulated::simulated_pair};
-use run::runtime::{EventKind, FrameEngine, RunOutcome, real_time};
+use run::runtime::{EventKind, FrameEngine, Head, RunOutcome};
 use run::{runtime::receiver::Receiver, wiring::bench_parts};
-use std::sync::{Arc, atomic::AtomicBool};
+use std::sync::Arc;
 
 pub(crate) const FRAMES: u64 = 14;
 /// Number of frames by which the slow sink may lag.
@@ -66,15 +66,14 @@ fn run(sink: Box<dyn Sink>, at_end: Option<crossbeam_channel::Sender<()>>) -> Ru
     let bench = bench();
     let start = start(&bench);
     let params = bench_parts::run_params(&bench, start).unwrap();
-    let mut engine = FrameEngine::new(params.clone()).unwrap();
+    let mut head = Head::new(FrameEngine::new(params.clone()).unwrap(), sink);
     let mut receiver = Receiver::new(params.attitude).unwrap();
     let clock: Arc<dyn Clock> = Arc::new(Monotonic::start_at(start));
     let (bus, format) = bench_parts::bus(&bench);
     let (near, _far) = simulated_pair(bus, &clock);
     let port = Port::new(Box::new(near), format, firmware_protocol::can::IdMap::new(0, 0).unwrap());
-    let stop = Arc::new(AtomicBool::new(false));
     let mut at_end = at_end;
-    real_time::run(&mut engine, &mut receiver, port, &clock, sink, &stop, &mut |frame, _| {
+    fly_real_head(&mut head, &mut receiver, port, &clock, &mut |frame, _| {
         if u64::from(frame.meta.number) + 1 == FRAMES {
             at_end = None;
         }

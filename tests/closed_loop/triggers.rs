@@ -1,16 +1,16 @@
 //! Tests triggers of the flight computer: each acts once, in the frame that contains its instant, and again in a
 //! replay.
 
-use crate::bench::{built_in, start};
+use crate::bench::{built_in, fly_head, start};
 use base::clock::{Clock, Virtual};
 use base::time::{Span, Tai};
 use config::Bench;
 use firmware_protocol::can::{Decoder, IdMap};
-use frames::sink::{NullSink, Sink};
+use frames::sink::NullSink;
 use link::capture::{CaptureFormat, CaptureReader, CapturedPacket, Direction};
 use link::{Packet, Port, Stamped};
 use link::{simulated::simulated_pair, tap::Capture};
-use run::runtime::{EventKind, FrameEngine, Ledger, RunOutcome, virtual_time};
+use run::runtime::{EventKind, FrameEngine, Head, Ledger, RunOutcome};
 use run::{runtime::ledger::Event, runtime::receiver::Receiver, wiring::bench_parts};
 use std::sync::Arc;
 use testbed::flight_computer::{FlightComputer, TriggerAnswers};
@@ -54,9 +54,9 @@ fn receiver(bench: &Bench, start: Tai, numbers: &[u16]) -> Receiver {
 
 fn fly(bench: &Bench, sent: &[Sent], numbers: &[u16]) -> Flown {
     let start = start(bench);
-    let mut engine = FrameEngine::new(bench_parts::run_params(bench, start).unwrap()).unwrap();
+    let engine = FrameEngine::new(bench_parts::run_params(bench, start).unwrap()).unwrap();
+    let mut head = Head::new(engine, Box::new(NullSink::new()));
     let mut receiver = receiver(bench, start, numbers);
-    let mut sink = NullSink::new();
     let clock = Arc::new(Virtual::new(start));
     let shared: Arc<dyn Clock> = clock.clone();
     let (bus, format) = bench_parts::bus(bench);
@@ -69,12 +69,11 @@ fn fly(bench: &Bench, sent: &[Sent], numbers: &[u16]) -> Flown {
     let mut computer = FlightComputer::new(bench_parts::flight_computer(bench, start));
     let mut left = sent.iter();
     let mut next = left.next();
-    let outcome = virtual_time::run(
-        &mut engine,
+    let outcome = fly_head(
+        &mut head,
         &mut receiver,
         &mut near,
         &clock,
-        &mut sink,
         &mut |now| {
             while let Some((_, number, at_s)) = next.filter(|(s, ..)| start + Span::from_s(*s) <= now) {
                 computer.send_trigger(*number, at_s.map(|s| start + Span::from_s(s)), now).unwrap();
@@ -89,8 +88,8 @@ fn fly(bench: &Bench, sent: &[Sent], numbers: &[u16]) -> Flown {
     assert_eq!(capture.finish().lost, 0);
     let mut reader = CaptureReader::new(file.reopen().unwrap()).unwrap();
     let captured = core::iter::from_fn(|| reader.read().unwrap()).collect();
-    let pixels_crc32 = sink.finish().unwrap().run_crc32;
-    Flown { pixels_crc32, outcome, answers: computer.trigger_answers(), captured, engine, start }
+    let pixels_crc32 = outcome.summaries[0].as_ref().unwrap().run_crc32;
+    Flown { pixels_crc32, outcome, answers: computer.trigger_answers(), captured, engine: head.engine, start }
 }
 
 /// Returns the instant and frame of the triggers that acted.
@@ -142,7 +141,7 @@ fn a_captured_run_has_the_same_triggers_when_it_is_replayed() {
                 receiver.accept(&message, &mut ledger);
                 next = messages.next();
             }
-            receiver.fire_triggers(slot, &mut ledger, &mut |fired| numbers.push(fired.number));
+            receiver.fire_triggers(0, slot, &mut ledger, &mut |fired| numbers.push(fired.number));
         }
         (numbers, fired(&ledger))
     };

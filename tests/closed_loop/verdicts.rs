@@ -89,7 +89,7 @@ fn held_attitude_is_a_reason() {
 #[test]
 fn run_that_its_client_ends_delivers_what_is_drawn_and_misses_nothing() {
     let mut going = start(&bench(""));
-    let zero = going.zero();
+    let zero = going.times().zero;
     // The exposure of a frame is over, its readout is not.
     going.advance_to(zero + base::time::Span::from_ms(3_110), &mut |_, _, _| true).unwrap();
     let drawn = going.record().frames.rendered;

@@ -7,6 +7,7 @@
 use anyhow::Context;
 use base::bayer::{BayerPattern, Colour};
 use base::clock::{Clock, Monotonic};
+use base::drawn::{Degradation, PathOrigin};
 use base::time::Span;
 use core::sync::atomic::{AtomicBool, Ordering};
 use frames::sink::{FaultFlags, Recorder, RecorderOptions, SentFrame, Sink};
@@ -134,7 +135,7 @@ fn fill(frame: &mut SentFrame, number: u32, sensor: &SensorParams) {
     meta.rate_deg_s = [turn, 0.5, -0.25];
     meta.seed = u64::MAX - u64::from(number);
     (meta.lateness, meta.attitude_age, meta.horizon) = (Span::from_ms(-3), Span::from_ms(7), Span::from_ms(-11));
-    (meta.origin, meta.degradation) = ("predicted", "full");
+    (meta.origin, meta.degradation) = (PathOrigin::Predicted, Degradation::Full);
     meta.faults = FaultFlags::HOT_PIXELS;
 }
 

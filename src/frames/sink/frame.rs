@@ -2,6 +2,7 @@
 
 use crate::camera_control::Regions;
 use crate::sink::{active_fault::ActiveFaults, faults::FaultFlags, target_table::TargetRow, wcs::Wcs};
+use base::drawn::{Degradation, FrameMethod, PathOrigin};
 use base::time::{Span, Tai};
 use base::{bayer::BayerPattern, image::DnImage, source_id::SourceId};
 use std::sync::Arc;
@@ -199,9 +200,9 @@ pub struct FrameMeta {
     /// Render backend.
     pub backend: &'static str,
     /// Smear method.
-    pub method: &'static str,
-    /// Degree to which the frame was degraded to be ready in time; `full`: not at all.
-    pub degradation: &'static str,
+    pub method: FrameMethod,
+    /// Degree to which the frame was degraded to be ready in time.
+    pub degradation: Degradation,
     /// Stars that were left out: too faint to be seen, or for want of time.
     pub left_out_stars: usize,
     /// Their electrons together.
@@ -210,8 +211,8 @@ pub struct FrameMeta {
     pub occulted_stars: usize,
     /// Electrons that the image lacks because each pixel shows only the brighter of stars and targets.
     pub overlap_lost_e: f64,
-    /// Source of the attitude (measured, predicted, held, ...).
-    pub origin: &'static str,
+    /// Source of the attitude.
+    pub origin: PathOrigin,
     /// Commanded faults active in this frame.
     pub faults: FaultFlags,
     /// Faults of frames and of the imaging chain, one by one.
@@ -280,13 +281,13 @@ impl FrameMeta {
             residual_arcsec: 0.0,
             jitter_missing: Span::ZERO,
             backend: "none",
-            method: "none",
-            degradation: "full",
+            method: FrameMethod::None,
+            degradation: Degradation::Full,
             left_out_stars: 0,
             left_out_e: 0.0,
             occulted_stars: 0,
             overlap_lost_e: 0.0,
-            origin: "none",
+            origin: PathOrigin::Absent,
             faults: FaultFlags::NONE,
             active: ActiveFaults::NONE,
             camera,

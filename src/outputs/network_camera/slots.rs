@@ -1,6 +1,7 @@
 //! Frames on their way from the sink to the stream: buffers made once that go round.
 
 use crate::network_camera::test_pattern::TestPattern;
+use base::drawn::PathOrigin;
 use frames::sink::{FrameMeta, SentFrame};
 
 /// One frame that waits to be sent.
@@ -27,6 +28,6 @@ impl Slot {
     /// Replaces the image by a test pattern, and says so: the frame is not one of the sky.
     pub(super) fn show(&mut self, pattern: TestPattern, width_px: usize, dn_bits: u32) {
         pattern.draw(self.meta.number, width_px, dn_bits, &mut self.pixels);
-        (self.meta.test_pattern, self.meta.origin) = (pattern.name(), "test_pattern");
+        (self.meta.test_pattern, self.meta.origin) = (pattern.name(), PathOrigin::TestPattern);
     }
 }

@@ -1,23 +1,9 @@
 //! The line of sight during one exposure: the output of `attitude` and input of `exposure`.
 
 use base::axes::{Icrf, Rotation, Sensor};
+pub use base::drawn::PathOrigin;
 use base::time::{Span, Tai};
 use glam::DVec3;
-
-/// Origin of the attitude of an exposure.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum PathOrigin {
-    /// Between two received samples.
-    Interpolated,
-    /// Beyond the last received sample, by its rate and acceleration.
-    Predicted,
-    /// The stream stopped: last attitude held by policy.
-    Held,
-    /// Given by the user (`render`), not by a bus.
-    Commanded,
-    /// Nothing received yet: no attitude at all.
-    Absent,
-}
 
 /// One line of a jitter spectrum: `amplitude_rad * sin(2 pi frequency_hz t + phase_rad)` with t in seconds TAI
 /// since the track's `lines_epoch`.

@@ -12,10 +12,11 @@ use crate::exposure::trial::{Noise, Trial, TriedError};
 use crate::exposure::weigh::{Scales, ShapeOf, WINDOW_PX, light_share, shear_error, stretch_error};
 use crate::exposure::whole::{self, Wings};
 use crate::exposure::{
-    dense::DENSE_RESERVED, instrument::Instrument, levels::Degradation, lists::fill_nodes, mean_field::MeanField,
-    node_error::NodeError, pixel_path::PixelPath, planned_star::PlannedStar, pose::PathNode,
+    dense::DENSE_RESERVED, instrument::Instrument, lists::fill_nodes, mean_field::MeanField, node_error::NodeError,
+    pixel_path::PixelPath, planned_star::PlannedStar, pose::PathNode,
 };
 use base::accuracy::AccuracyBudget;
+use base::drawn::Degradation;
 use rayon::prelude::*;
 
 /// Rounding of single-precision drawing, px.

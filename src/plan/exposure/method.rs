@@ -1,5 +1,6 @@
 //! The methods for motion in the exposure, by name.
 
+pub use base::drawn::MethodName;
 use core::{fmt, str::FromStr};
 
 /// A method with its parameters.
@@ -62,60 +63,6 @@ pub enum MethodChoice {
     Auto,
     /// This method; the planner chooses the number of nodes unless it is given.
     Fixed(MethodName, Option<usize>),
-}
-
-/// A method without its parameter.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum MethodName {
-    /// See [`Method::Static`].
-    Static,
-    /// See [`Method::Gaussian`].
-    Gaussian,
-    /// See [`Method::GaussLegendre`].
-    GaussLegendre,
-    /// See [`Method::Segments`].
-    Segments,
-    /// See [`Method::Corners`].
-    Corners,
-    /// See [`Method::Samples`].
-    Samples,
-    /// See [`Method::EffectivePsf`].
-    EffectivePsf,
-    /// See [`Method::ZonalPsf`].
-    ZonalPsf,
-}
-
-impl MethodName {
-    /// All methods.
-    pub const ALL: [Self; 8] = [
-        Self::Static,
-        Self::Gaussian,
-        Self::GaussLegendre,
-        Self::Segments,
-        Self::Corners,
-        Self::Samples,
-        Self::EffectivePsf,
-        Self::ZonalPsf,
-    ];
-
-    /// Returns the name used in files and commands.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Static => "static",
-            Self::Gaussian => "gaussian",
-            Self::GaussLegendre => "gauss-legendre",
-            Self::Segments => "segments",
-            Self::Corners => "corners",
-            Self::Samples => "samples",
-            Self::EffectivePsf => "effective-psf",
-            Self::ZonalPsf => "zonal-psf",
-        }
-    }
-
-    /// Returns true when a number of nodes (of segments, for segments) can be specified.
-    pub fn takes_number(self) -> bool {
-        !matches!(self, Self::Static | Self::Gaussian)
-    }
 }
 
 impl Method {

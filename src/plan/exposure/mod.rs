@@ -12,7 +12,6 @@ pub mod cost_fit;
 pub mod cut_off;
 pub mod dense;
 mod instrument;
-pub mod levels;
 pub mod line;
 pub mod lists;
 pub mod mean_field;
@@ -44,8 +43,8 @@ mod trial;
 pub mod weigh;
 pub mod whole;
 
+pub use base::drawn::Degradation;
 pub use instrument::Instrument;
-pub use levels::Degradation;
 pub use method::{Method, MethodChoice};
 pub use motion::{Motion, Shutter};
 pub use pixel_path::{PixelPath, PixelPoint};

@@ -3,10 +3,11 @@
 use crate::exposure::motion::{Motion, Shutter};
 use crate::exposure::pose::{PathNode, Pose};
 use crate::exposure::{
-    correction::Correction, levels::Degradation, method::Method, moments::TracePoint, planned_star::PlannedStar,
+    correction::Correction, method::Method, moments::TracePoint, planned_star::PlannedStar,
     planned_target::PlannedTarget, sampling::PsfSampling, smear::SmearField, track::StarTrack, whole::WholeStars,
 };
 use crate::optics::PsfModel;
+use base::drawn::Degradation;
 use core::ops::Range;
 use sky::astrometry::CameraGeometry;
 

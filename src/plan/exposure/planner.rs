@@ -10,12 +10,13 @@ use crate::exposure::place::{Brightness, Lit, place_stars};
 use crate::exposure::plan::{Assessment, CutOff, ExposurePlan, Verdict};
 use crate::exposure::whole::{self, WholeDomain, WholeStars};
 use crate::exposure::{
-    choice::Chooser, cost::CostModel, cut_off::CutOffCells, instrument::Instrument, levels::Degradation,
-    mean_field::MeanField, place_block::Margins, probes::Probes, share::Share, smear::SmearField, source::Source,
-    target::Target, target_plan::TargetPlanner,
+    choice::Chooser, cost::CostModel, cut_off::CutOffCells, instrument::Instrument, mean_field::MeanField,
+    place_block::Margins, probes::Probes, share::Share, smear::SmearField, source::Source, target::Target,
+    target_plan::TargetPlanner,
 };
 use crate::exposure::{dense, lists, nodes};
 use base::accuracy::AccuracyBudget;
+use base::drawn::Degradation;
 
 /// Share of the budget's flux error that footprint truncation may use.
 const TRUNCATION_SHARE: f64 = 0.05;

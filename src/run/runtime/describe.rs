@@ -2,23 +2,12 @@
 
 use crate::runtime::{path_facts::PathFacts, slot::Slot};
 use base::axes::{Rotation, Sensor, ra_dec_roll};
-use base::time::Span;
+use base::{drawn::FrameMethod, time::Span};
 use frames::camera_control::CameraSettings;
 use frames::sink::{ActiveFaults, FaultFlags, FrameMeta};
 use image::detector::{Seeds, levels::Levels};
-use plan::attitude::{LosPath, PathOrigin};
+use plan::attitude::LosPath;
 use plan::exposure::ExposurePlan;
-
-/// Returns the name of an attitude's origin in files.
-pub fn origin_name(origin: PathOrigin) -> &'static str {
-    match origin {
-        PathOrigin::Interpolated => "interpolated",
-        PathOrigin::Predicted => "predicted",
-        PathOrigin::Held => "held",
-        PathOrigin::Commanded => "commanded",
-        PathOrigin::Absent => "none",
-    }
-}
 
 /// Corrects attitude and rate to the sensor's own axes for a frame that is drawn in other axes, for a display. Its
 /// pixel values are luminance codes, so no gain is reported.
@@ -54,10 +43,11 @@ pub fn fill_meta(
     PathFacts::default().describe(meta);
     meta.backend = backend;
     // The reference integrates the exact motion, regardless of the planned method.
-    meta.method = if backend == "reference" { "exact" } else { plan.chosen.method.name().name() };
-    meta.degradation = plan.degradation.name();
+    meta.method =
+        if backend == "reference" { FrameMethod::Exact } else { FrameMethod::Planned(plan.chosen.method.name()) };
+    meta.degradation = plan.degradation;
     (meta.left_out_stars, meta.left_out_e) = (plan.cut_off.stars, plan.cut_off.electrons);
-    meta.origin = origin_name(los.origin);
+    meta.origin = los.origin;
     meta.faults = FaultFlags::NONE;
     meta.active = ActiveFaults::NONE;
     meta.gain_e_per_dn = levels.gain_e_per_dn;

@@ -5,7 +5,7 @@ mod draw;
 
 use crate::runtime::conditions::Conditions;
 
-pub use crate::runtime::describe::{fill_meta, origin_name};
+pub use crate::runtime::describe::fill_meta;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::load::{LoadChange, LoadEstimate};
 use crate::runtime::marks::{FrameMark, FrameMarks};
@@ -38,6 +38,8 @@ enum Shown {
 
 /// Draws frames.
 pub struct FrameEngine {
+    /// Number of its head, by which it finds its mounting in the receiver.
+    head: usize,
     params: RunParams,
     exposing: Exposing,
     planner: Planner,
@@ -101,6 +103,7 @@ impl FrameEngine {
             imager.set_illumination_map(map)?;
         }
         Ok(Self {
+            head: 0,
             exposing: Exposing::new(&params),
             planner,
             optics: vec![None],
@@ -119,6 +122,18 @@ impl FrameEngine {
             path: PathFacts::default(),
             marks: None,
         })
+    }
+
+    /// Returns the engine for another head than the first.
+    #[must_use]
+    pub fn of_head(mut self, head: usize) -> Self {
+        self.head = head;
+        self
+    }
+
+    /// Returns the number of its head.
+    pub fn head(&self) -> usize {
+        self.head
     }
 
     /// Prepares other optics so that they can be switched to within a frame; returns their index.
@@ -316,7 +331,7 @@ impl FrameEngine {
     /// or for frames drawn ahead, and at most half of the time that a frame like the one before leaves.
     pub fn jitter_wait(&self, slot: Slot, receiver: &Receiver) -> Span {
         let params = &self.params;
-        if params.ahead > Span::ZERO || !receiver.jitter().is_streaming(slot.exposure_end) {
+        if params.ahead > Span::ZERO || !receiver.mounting(self.head).jitter.is_streaming(slot.exposure_end) {
             return Span::ZERO;
         }
         let (load, latest_ms) = (self.load(), self.planner.latest().chosen.cost_ms);
@@ -354,7 +369,7 @@ impl FrameEngine {
 
     /// Returns true when jitter samples of a slot's exposure are still to come.
     pub fn lacks_jitter(&self, slot: Slot, receiver: &Receiver) -> bool {
-        receiver.jitter().is_behind(slot.exposure_end + Span::from_s(0.5 * self.rows_s()))
+        receiver.mounting(self.head).jitter.is_behind(slot.exposure_end + Span::from_s(0.5 * self.rows_s()))
     }
 
     /// Returns the time from the exposure of the first row to that of the last, s; the path must cover all rows.
@@ -389,7 +404,7 @@ impl FrameEngine {
         frame: &mut SentFrame,
     ) -> Result<Option<StageTimes>, RunError> {
         let mut times = bus_times(slot, receiver);
-        receiver.set_exposure_s(self.exposing.exposure_s());
+        receiver.mounting_mut(self.head).jitter.set_exposure_s(self.exposing.exposure_s());
         self.conditions.set_exposing(self.exposing.light_factor(), self.exposing.settings());
         self.set_time_budget(slot, receiver);
         let mut watch = Stopwatch::start();
@@ -401,10 +416,10 @@ impl FrameEngine {
         };
         times.set(Stage::Attitude, watch.lap());
         self.draw(slot, light, ledger, frame, &mut times)?;
-        receiver.note_drawn(slot.exposure_end);
+        receiver.mounting_mut(self.head).note_drawn(slot.exposure_end);
         frame.meta.attitude_age = receiver.age_at(slot.release).unwrap_or(Span::ZERO);
         if let Some(marks) = &self.marks {
-            let (load, degradation) = (self.load(), frame.meta.degradation);
+            let (load, degradation) = (self.load(), frame.meta.degradation.name());
             let (messages, exposed) = (receiver.messages_by_port(), self.exposing.exposed(&slot));
             marks.put(FrameMark { frame: slot.number, messages, load, degradation, exposed });
         }
@@ -414,7 +429,7 @@ impl FrameEngine {
     /// Passes the observer's states from outside to the scene; notes states that do not fit an orbit and slots far from
     /// all states.
     fn follow_observer(&mut self, receiver: &mut Receiver, slot: Slot, ledger: &mut Ledger) {
-        for (at, state) in receiver.take_observers() {
+        for (at, state) in receiver.mounting_mut(self.head).take_observers() {
             if self.scene.follow_observer(at, state).is_err() {
                 note(ledger, EventKind::SampleRefused, slot, slot.release - at);
             }
@@ -435,7 +450,7 @@ impl FrameEngine {
 
     /// Composes the line of sight of the slot in the planner, and returns what the image shows.
     fn compose(&mut self, slot: Slot, receiver: &Receiver, ledger: &mut Ledger) -> Result<Shown, RunError> {
-        let (params, rows_s) = (receiver.params(), self.rows_s());
+        let (params, rows_s, mounting) = (receiver.params(), self.rows_s(), receiver.mounting(self.head));
         self.path = PathFacts::default();
         let los = &mut self.planner.motion_mut().los;
         if !receiver.session().is_rendering() {
@@ -446,8 +461,8 @@ impl FrameEngine {
         }
         let outcome = compose(
             receiver.history(),
-            receiver.jitter(),
-            params.sensor_from_body,
+            &mounting.jitter,
+            mounting.sensor_from_body,
             slot.exposure_start - Span::from_s(0.5 * rows_s),
             self.exposing.exposure_s() + rows_s,
             &params.estimate,
@@ -473,7 +488,8 @@ impl FrameEngine {
                 match los.origin {
                     PathOrigin::Held => note(ledger, EventKind::AttitudeHeld, slot, age),
                     PathOrigin::Predicted => note(ledger, EventKind::Predicted, slot, report.horizon),
-                    PathOrigin::Interpolated | PathOrigin::Commanded | PathOrigin::Absent => {}
+                    PathOrigin::Interpolated | PathOrigin::Commanded | PathOrigin::Absent | PathOrigin::TestPattern => {
+                    }
                 }
                 self.path = PathFacts::of(&report, los.origin);
                 self.path.note(slot, ledger);
@@ -559,7 +575,11 @@ fn bound_rad(origin: PathOrigin, report: &PathReport, motion: &MotionScale, limi
         PathOrigin::Predicted if report.horizon <= limits.max_horizon => {
             AttitudeMethod::ConstantAcceleration.bound_rad(motion, report.horizon.s())
         }
-        PathOrigin::Predicted | PathOrigin::Held | PathOrigin::Commanded | PathOrigin::Absent => return None,
+        PathOrigin::Predicted
+        | PathOrigin::Held
+        | PathOrigin::Commanded
+        | PathOrigin::Absent
+        | PathOrigin::TestPattern => return None,
     };
     // A bound of half a turn means: outside the method's domain.
     (bound_rad < core::f64::consts::PI).then_some(bound_rad)

@@ -137,7 +137,7 @@ fn jitter_beyond_a_degree_is_refused_and_counted() {
     for (ms, rad) in [(0, 0.01745), (1, 0.01746), (2, 1e9), (3, 1e300), (4, -0.01745)] {
         send(&mut bench, ms, rad);
     }
-    let counts = bench.receiver.jitter().counts();
+    let counts = bench.receiver.mounting(0).jitter.counts();
     assert_eq!((counts.accepted, counts.too_fast, bench.count(EventKind::SampleRefused)), (2, 3, 3));
 }
 

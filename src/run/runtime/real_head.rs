@@ -5,13 +5,10 @@
 //! `real_time`.
 
 use crate::runtime::delivery::{Delivery, FramePacket};
-use crate::runtime::engine::{FrameEngine, origin_name};
-use crate::runtime::frame_faults::{Fate as Spoiling, FrameFaults};
-use crate::runtime::real_parts::{Head, HeadParts, Setting};
 use crate::runtime::real_shared::{Shared, take_back};
 use crate::runtime::{
-    camera_heads::CameraHead, error::RunError, exposing::Exposing, head_step::HeadStep, ledger::EventKind,
-    params::DeadlinePolicy, receiver::Receiver, record::RunRecord, reply::camera_pages, slot::Slot,
+    error::RunError, frame_faults::Fate as Spoiling, head::Head, ledger::EventKind, params::DeadlinePolicy,
+    real_parts::Setting, record::RunRecord, slot::Slot,
 };
 use base::time::{Span, Tai};
 use frames::report::{Fate, FrameEnd, FrameRecord, MissCause, Stage, StageTimes};
@@ -22,10 +19,8 @@ use plan::attitude::PathOrigin;
 pub(super) struct RealHead<'a> {
     /// Number of the head, from 0.
     pub(super) number: usize,
-    pub(super) engine: &'a mut FrameEngine,
-    pub(super) receiver: &'a mut Receiver,
+    pub(super) head: &'a mut Head,
     pub(super) delivery: Delivery,
-    faults: Option<&'a mut FrameFaults>,
     /// Commanded effects on the frame that is being made.
     spoiling: Spoiling,
     spare: Option<FramePacket>,
@@ -33,44 +28,17 @@ pub(super) struct RealHead<'a> {
     has_previous: bool,
 }
 
-impl CameraHead for RealHead<'_> {
-    fn exposing_mut(&mut self) -> &mut Exposing {
-        self.engine.exposing_mut()
-    }
-
-    fn receiver_mut(&mut self) -> &mut Receiver {
-        self.receiver
-    }
-}
-
 impl<'a> RealHead<'a> {
     /// Returns a head whose engine is warm; starts its sink thread.
     pub(super) fn start(
         number: usize,
-        head: Head<'a>,
+        head: &'a mut Head,
         prototype: SentFrame,
         setting: &Setting<'_>,
     ) -> Result<Self, RunError> {
-        let Head { engine, receiver, sink, faults } = head;
-        let delivery = Delivery::start(sink, &prototype, setting.clock, setting.hygiene)?;
+        let delivery = Delivery::start(head.take_sink(), &prototype, setting.clock, setting.hygiene)?;
         let (spoiling, spare) = (Spoiling::SEND, None);
-        Ok(Self {
-            number,
-            engine,
-            receiver,
-            delivery,
-            faults,
-            spoiling,
-            spare,
-            previous: prototype,
-            has_previous: false,
-        })
-    }
-
-    /// Returns the parts that an external order may change.
-    pub(super) fn parts(&mut self) -> HeadParts<'_> {
-        let Self { engine, receiver, faults, .. } = self;
-        HeadParts { engine, receiver, faults: faults.as_deref_mut() }
+        Ok(Self { number, head, delivery, spoiling, spare, previous: prototype, has_previous: false })
     }
 
     /// Draws the frame of a slot and sends it, or handles the slot as missed.
@@ -101,14 +69,14 @@ impl<'a> RealHead<'a> {
             frame_packet.record = timed;
             return self.deliver_late(frame_packet, slot, shared, record);
         }
-        timed.load = self.engine.load();
+        timed.load = self.head.engine.load();
         let Some(times) = self.draw(slot, &mut frame_packet.frame, shared, record)? else {
             self.leave_out(frame_packet, timed, shared, record);
             return Ok(());
         };
         let finished = shared.clock.now();
         frame_packet.frame.meta.lateness = finished - slot.due;
-        self.engine.learn_load(drawn(&times), finished, slot, &mut record.ledger);
+        self.head.engine.learn_load(drawn(&times), finished, slot, &mut record.ledger);
         record.count_rendered(&frame_packet.frame, &times);
         self.finish_record(&mut timed, &times, &frame_packet.frame.meta, finished, record);
         frame_packet.record = timed;
@@ -128,12 +96,9 @@ impl<'a> RealHead<'a> {
         shared: &mut Shared<'_>,
         record: &mut RunRecord,
     ) -> Result<Option<StageTimes>, RunError> {
-        let Self { engine, receiver, faults, .. } = self;
-        let noted_already = (self.number > 0).then_some(&mut shared.said_already);
-        let mut step = HeadStep { engine, receiver, faults: faults.as_deref_mut(), noted_already };
-        let exposed = step.draw(slot, &mut record.ledger, frame);
+        let exposed = self.head.draw(slot, shared.receiver, &mut record.ledger, frame);
         if matches!(exposed, Err(RunError::AttitudeStopped { .. })) && self.number == 0 {
-            shared.link_thread.send(0, shared.reply.stopped(self.receiver, slot.release));
+            shared.announce_stop(slot.release);
         }
         Ok(exposed?.map(|(spoiling, times)| {
             self.spoiling = spoiling;
@@ -150,7 +115,7 @@ impl<'a> RealHead<'a> {
         record: &mut RunRecord,
     ) {
         if self.number == 0 {
-            shared.link_thread.send(0, shared.reply.stopped(self.receiver, shared.clock.now()));
+            shared.announce_stop(shared.clock.now());
         }
         record.frames.dropped += 1;
         record.account.add(FrameEnd::Dropped, timed.exposure_start);
@@ -171,10 +136,11 @@ impl<'a> RealHead<'a> {
         timed.times.merge(times);
         timed.finished = Some(finished);
         timed.lateness = meta.lateness;
-        (timed.degradation, timed.method, timed.origin) = (meta.degradation, meta.method, meta.origin);
+        (timed.degradation, timed.method) = (meta.degradation.name(), meta.method.name());
+        timed.origin = meta.origin.name();
         timed.horizon = meta.horizon;
         (timed.end_horizon, timed.jitter_missing) = (meta.end_horizon, meta.jitter_missing);
-        timed.pointing_bound_rad = self.engine.pointing_bound_rad();
+        timed.pointing_bound_rad = self.head.engine.pointing_bound_rad();
         timed.cause = if meta.faults.contains(FaultFlags::BLANK) {
             Some(MissCause::AwaitingAttitude)
         } else {
@@ -182,32 +148,17 @@ impl<'a> RealHead<'a> {
         };
     }
 
-    /// Reports the contents of a frame to the flight computer. Heads share one exposure time: only the first head
-    /// reports.
-    fn announce(&self, meta: &FrameMeta, shared: &mut Shared<'_>) {
-        if self.number == 0 {
-            shared.announce(meta, self.engine.pointing_bound_rad(), self.receiver);
-        }
-        if self.receiver.session().cameras().is_reporting() {
-            for page in camera_pages(self.number, meta) {
-                shared.link_thread.send(0, page);
-            }
-        }
-    }
-
     /// Returns true when it is too late to draw a slot: it is past due, and under `late` by more than a frame.
     fn is_over(&self, slot: Slot, now: Tai) -> bool {
-        let params = self.engine.params();
+        let params = self.head.engine.params();
         let grace = if params.deadline_policy == DeadlinePolicy::Late { params.frame_period } else { Span::ZERO };
         now > slot.due + grace
     }
 
     /// Drops a frame on purpose: the flight computer gets its report, but the sinks do not get the frame.
     fn withhold(&mut self, mut frame_packet: FramePacket, shared: &mut Shared<'_>, record: &mut RunRecord) {
-        self.announce(&frame_packet.frame.meta, shared);
-        if let Some(faults) = self.faults.as_mut() {
-            faults.spoil(&self.spoiling, &mut frame_packet.frame);
-        }
+        shared.announce(self.number, &frame_packet.frame.meta, self.head.engine.pointing_bound_rad());
+        self.head.faults.spoil(&self.spoiling, &mut frame_packet.frame);
         record.frames.dropped += 1;
         record.account.add(FrameEnd::Commanded, frame_packet.record.exposure_start);
         frame_packet.record.fate = Fate::Dropped;
@@ -223,7 +174,7 @@ impl<'a> RealHead<'a> {
         shared: &mut Shared<'_>,
         record: &mut RunRecord,
     ) -> Result<(), RunError> {
-        let policy = self.engine.params().deadline_policy;
+        let policy = self.head.engine.params().deadline_policy;
         let lateness = frame_packet.frame.meta.lateness;
         if lateness > Span::ZERO && policy != DeadlinePolicy::Late {
             return self.deliver_late(frame_packet, slot, shared, record);
@@ -234,7 +185,7 @@ impl<'a> RealHead<'a> {
             record.note(EventKind::Late, slot.due + lateness, slot.number, lateness);
             frame_packet.record.fate = Fate::Late;
         }
-        let end = end_of(self.engine.end_on_time(), self.spoiling.delay, lateness);
+        let end = end_of(self.head.engine.end_on_time(), self.spoiling.delay, lateness);
         record.account.add(end, slot.exposure_start);
         self.spoil_and_send(frame_packet, shared, record)
     }
@@ -250,7 +201,7 @@ impl<'a> RealHead<'a> {
         let lateness = frame_packet.frame.meta.lateness;
         let at = slot.due + lateness;
         record.frames.late += 1;
-        if self.engine.params().deadline_policy == DeadlinePolicy::Hold && self.has_previous {
+        if self.head.engine.params().deadline_policy == DeadlinePolicy::Hold && self.has_previous {
             record.frames.held += 1;
             record.account.add(FrameEnd::Late, slot.exposure_start);
             record.note(EventKind::Held, at, slot.number, lateness);
@@ -259,7 +210,7 @@ impl<'a> RealHead<'a> {
             frame_packet.frame.meta.lateness = lateness;
             frame_packet.frame.meta.faults |= FaultFlags::FRAME_DUPLICATE;
             frame_packet.record.fate = Fate::Held;
-            self.announce(&frame_packet.frame.meta, shared);
+            shared.announce(self.number, &frame_packet.frame.meta, self.head.engine.pointing_bound_rad());
             return self.send(frame_packet, Span::ZERO, shared.clock.now(), record);
         }
         let cause = frame_packet.record.cause.unwrap_or(MissCause::FramesBefore);
@@ -276,11 +227,9 @@ impl<'a> RealHead<'a> {
         record: &mut RunRecord,
     ) -> Result<(), RunError> {
         // The stimulator reports its own data before its frame is damaged.
-        self.announce(&frame_packet.frame.meta, shared);
-        if let Some(faults) = self.faults.as_mut() {
-            faults.spoil(&self.spoiling, &mut frame_packet.frame);
-        }
-        if self.engine.params().deadline_policy == DeadlinePolicy::Hold {
+        shared.announce(self.number, &frame_packet.frame.meta, self.head.engine.pointing_bound_rad());
+        self.head.faults.spoil(&self.spoiling, &mut frame_packet.frame);
+        if self.head.engine.params().deadline_policy == DeadlinePolicy::Hold {
             // A repeated frame equals the frame that went out, including its metadata.
             self.previous.copy_from(&frame_packet.frame);
             self.has_previous = true;
@@ -301,8 +250,7 @@ impl<'a> RealHead<'a> {
         let meta = &frame_packet.frame.meta;
         // A held image keeps the time of its own exposure: latency refers to the visible image.
         frame_packet.record.mid_exposure = meta.mid_exposure;
-        frame_packet.record.commanded =
-            (meta.origin != origin_name(PathOrigin::Absent)).then(|| meta.mid_exposure - meta.horizon);
+        frame_packet.record.commanded = (meta.origin != PathOrigin::Absent).then(|| meta.mid_exposure - meta.horizon);
         if let Some(finished) = frame_packet.record.finished {
             frame_packet.record.times.set(Stage::Handover, now - finished);
         }

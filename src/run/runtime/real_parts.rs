@@ -1,13 +1,13 @@
-//! Inputs of a run on the bench clock: its environment, its camera heads, its sources, and the form of orders.
+//! Inputs of a run on the bench clock: its environment, its sources, and the form of orders.
 
 use crate::runtime::{
-    edge_thread::TriggerChip, engine::FrameEngine, frame_faults::FrameFaults, hygiene::Hygiene,
-    plant_sample::PlantSample, receiver::Receiver, record::RunRecord,
+    edge_thread::TriggerChip, head::Head, hygiene::Hygiene, plant_sample::PlantSample, receiver::Receiver,
+    record::RunRecord,
 };
 use base::{clock::Clock, time::Tai};
 use core::sync::atomic::AtomicBool;
 use crossbeam_channel::Receiver as Queue;
-use frames::{report::RunLimits, sink::Sink};
+use frames::report::RunLimits;
 use link::pps::Pps;
 use link::{Port, Stamped};
 use std::sync::Arc;
@@ -28,19 +28,9 @@ pub struct Setting<'a> {
     pub orders: Option<&'a Queue<FrameOrder>>,
 }
 
-/// An order that the frame thread executes before the slot that is released at the given instant, with all heads. It
-/// may take long and allocate: frames that it delays are counted as late.
-pub type FrameOrder = Box<dyn FnOnce(&mut [HeadParts<'_>], &mut RunRecord, Tai) + Send>;
-
-/// The parts of a head that an order may change.
-pub struct HeadParts<'a> {
-    /// Draws frames.
-    pub engine: &'a mut FrameEngine,
-    /// Receives messages.
-    pub receiver: &'a mut Receiver,
-    /// Damages frames; `None` without faults.
-    pub faults: Option<&'a mut FrameFaults>,
-}
+/// An order that the frame thread executes before the slot that is released at the given instant, with all heads and their
+/// receiver. It may take long and allocate: frames that it delays are counted as late.
+pub type FrameOrder = Box<dyn FnOnce(&mut [&mut Head], &mut Receiver, &mut RunRecord, Tai) + Send>;
 
 /// Sources of a run on the bench clock: everything that brings input.
 pub struct Sources {
@@ -58,16 +48,4 @@ impl From<Port> for Sources {
     fn from(port: Port) -> Self {
         Self { ports: vec![port], pulses: None, samples: None, chips: Vec::new() }
     }
-}
-
-/// One camera head: what draws its frames, its receiver, the sink of its frames, and its faults.
-pub struct Head<'a> {
-    /// Draws frames.
-    pub engine: &'a mut FrameEngine,
-    /// Receives messages.
-    pub receiver: &'a mut Receiver,
-    /// Takes the frames, in a thread of its own.
-    pub sink: Box<dyn Sink>,
-    /// Damages frames; `None` without faults.
-    pub faults: Option<&'a mut FrameFaults>,
 }

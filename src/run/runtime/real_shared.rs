@@ -1,12 +1,12 @@
-//! Parts that the camera heads of a run on the bench clock share: clock, receiving threads and answers; and how the results
+//! Parts that the camera heads of a run on the bench clock share: clock, receiver, receiving threads and answers; and how the results
 //! of a sink thread are recorded.
 
 use crate::runtime::reply::{Reply, ReportedFrame};
 use crate::runtime::{
-    delivery::FramePacket, ledger::Ledger, link_thread::LinkThreads, port_reading::PortReading, receiver::Receiver,
-    record::RunRecord,
+    delivery::FramePacket, link_thread::LinkThreads, port_reading::PortReading, receiver::Receiver, record::RunRecord,
 };
-use base::clock::Clock;
+use base::{clock::Clock, time::Tai};
+use core::convert::Infallible;
 use frames::sink::FrameMeta;
 
 /// State shared by all heads.
@@ -20,19 +20,23 @@ pub(super) struct Shared<'a> {
     /// Times the numbers of a trigger line went back before the last look.
     pub(super) line_restarts: u64,
     pub(super) reply: Reply,
-    /// Receives the notes of further heads about messages that the first head has already noted.
-    pub(super) said_already: Ledger,
+    pub(super) receiver: &'a mut Receiver,
 }
 
 impl Shared<'_> {
-    /// Reports the contents of a frame to the flight computer.
-    pub(super) fn announce(&mut self, meta: &FrameMeta, pointing_bound_rad: Option<f64>, receiver: &Receiver) {
-        let now = self.clock.now();
-        let rejects = PortReading::rejects_of_all(&self.readings);
+    /// Reports a frame of a head to the flight computer.
+    pub(super) fn announce(&mut self, head: usize, meta: &FrameMeta, pointing_bound_rad: Option<f64>) {
+        let (now, rejects) = (self.clock.now(), PortReading::rejects_of_all(&self.readings));
         let reported = ReportedFrame { meta, pointing_bound_rad, rejects: &rejects, now };
-        for message in self.reply.messages(&reported, receiver) {
+        let Ok(()) = self.reply.report(head, &reported, self.receiver, |message| {
             self.link_thread.send(0, message);
-        }
+            Ok::<(), Infallible>(())
+        });
+    }
+
+    /// Reports that no frame goes out because the stream of attitudes has stopped.
+    pub(super) fn announce_stop(&self, at: Tai) {
+        self.link_thread.send(0, self.reply.stopped(self.receiver, at));
     }
 }
 

@@ -7,24 +7,22 @@
 //! starts at the release and not before; late frames are judged when finished, not when delivered (`[budget]` total is
 //! compared with delivery). Tests: `tests/closed_loop/{deadline,budget}.rs`, which assert no wall time.
 
-use crate::runtime::ledger::{Event, EventKind, Ledger};
+use crate::runtime::ledger::{Event, EventKind};
 use crate::runtime::outcome::{RunOutcome, lines_of_head};
-use crate::runtime::real_parts::{FrameOrder, Head, HeadParts, Setting, Sources};
+use crate::runtime::real_parts::{FrameOrder, Setting, Sources};
 use crate::runtime::real_shared::{Shared, take_back};
 use crate::runtime::{
-    camera_heads, engine::FrameEngine, error::RunError, hygiene::Role, link_thread::LinkThreads,
+    camera_heads, engine::FrameEngine, error::RunError, head::Head, hygiene::Role, link_thread::LinkThreads,
     port_reading::PortReading, real_head::RealHead, received::Received, receiver::Receiver, record::RunRecord,
     reply::Reply, shutter::NextSlot, slot::Slot,
 };
-use base::clock::Clock;
 use base::time::{Span, Tai};
 use core::sync::atomic::{AtomicBool, Ordering};
 use crossbeam_channel::Receiver as Queue;
 use frames::camera_control::{CameraCommand, CommandSource, Commanded, TriggerSource};
-use frames::report::{FrameRecord, RunLimits, Stage};
-use frames::sink::{SentFrame, Sink};
-use link::Port;
-use std::{sync::Arc, time::Duration};
+use frames::report::{FrameRecord, Stage};
+use frames::sink::SentFrame;
+use std::time::Duration;
 
 /// Time within which a sleeping frame thread notices a stop.
 const STOP_POLL: Span = Span::from_ms(50);
@@ -36,28 +34,13 @@ const JITTER_POLL: Span = Span::from_ms(1);
 /// Initial capacity for the stars of a frame: more stars make its buffers grow, once.
 pub const STARS_AT_FIRST: usize = 16_384;
 
-/// Runs every slot of the engine until the end, an error, or `stop`. `progress` is called after each frame and must
-/// not block.
-pub fn run(
-    engine: &mut FrameEngine,
-    receiver: &mut Receiver,
-    port: Port,
-    clock: &Arc<dyn Clock>,
-    sink: Box<dyn Sink>,
-    stop: &Arc<AtomicBool>,
-    progress: &mut dyn FnMut(&SentFrame, &RunRecord),
-) -> RunOutcome {
-    let setting = Setting { clock, stop, hygiene: None, ring_frames: 0, limits: RunLimits::default(), orders: None };
-    let heads = vec![Head { engine, receiver, sink, faults: None }];
-    run_in(&setting, heads, port.into(), &mut |_head, frame, record| progress(frame, record))
-}
-
-/// Runs several heads in a given environment. The calling thread becomes the frame thread and keeps its settings. Each
+/// Runs every slot of the heads until the end, an error, or a stop. The calling thread becomes the frame thread and keeps its settings. Each
 /// head has its own slots; heads that are released at the same instant are drawn one after another. `progress` gets the
-/// number of the head, and frames before they are damaged.
+/// number of the head, and frames before they are damaged; it must not block.
 pub fn run_in(
     setting: &Setting<'_>,
-    heads: Vec<Head<'_>>,
+    heads: &mut [Head],
+    receiver: &mut Receiver,
     sources: Sources,
     progress: &mut dyn FnMut(usize, &SentFrame, &RunRecord),
 ) -> RunOutcome {
@@ -77,7 +60,7 @@ pub fn run_in(
                 lost_edges: 0,
                 line_restarts: 0,
                 reply: Reply::default(),
-                said_already: Ledger::default(),
+                receiver,
             };
             let mut bench = Bench { heads, shared };
             let mut error = bench.frames(setting, &mut record, progress).err();
@@ -111,7 +94,7 @@ pub fn run_in(
 /// Warms up, and starts the threads.
 fn start<'a>(
     setting: &Setting<'_>,
-    heads: Vec<Head<'a>>,
+    heads: &'a mut [Head],
     sources: Sources,
 ) -> Result<(Vec<RealHead<'a>>, LinkThreads), RunError> {
     let mut warm = Vec::with_capacity(heads.len());
@@ -176,9 +159,9 @@ impl Bench<'_> {
             let received = self.shared.clock.now() - begun;
             let mut is_first = true;
             for head in &mut self.heads {
-                let next = head.engine.exposing().next().slot().filter(|slot| slot.release == release);
+                let next = head.head.engine.exposing().next().slot().filter(|slot| slot.release == release);
                 let Some(slot) = next else { continue };
-                head.engine.exposing_mut().begin(&mut record.ledger);
+                head.head.engine.exposing_mut().begin(&mut record.ledger);
                 let mut timed =
                     FrameRecord::released(slot.number, [slot.exposure_start, slot.release, slot.due], [asked, begun]);
                 timed.head = head.number;
@@ -200,7 +183,7 @@ impl Bench<'_> {
     /// Returns the next release of any head, or the end of a wait for triggers; `None` when all heads are over.
     fn next_release(&self) -> Option<Tai> {
         let now = self.shared.clock.now();
-        let left = self.heads.iter().map(|head| head.engine.exposing().next()).filter(|next| !next.is_over(now));
+        let left = self.heads.iter().map(|head| head.head.engine.exposing().next()).filter(|next| !next.is_over(now));
         let release = |next: NextSlot| match next {
             NextSlot::Slot(slot) => Some(slot.release),
             // Wake up earlier to look for orders and commands.
@@ -213,23 +196,23 @@ impl Bench<'_> {
     /// Accepts commands from clients of the cameras; returns true when the next release has moved.
     fn poll_desks(&mut self, record: &mut RunRecord) -> bool {
         let (before, now) = (self.forecast(), self.shared.clock.now());
-        for head in self.heads.iter_mut().filter(|head| head.engine.exposing().has_desks()) {
-            head.engine.exposing_mut().poll(now, &mut record.ledger);
+        for head in self.heads.iter_mut().filter(|head| head.head.engine.exposing().has_desks()) {
+            head.head.engine.exposing_mut().poll(now, &mut record.ledger);
         }
         self.forecast() != before
     }
 
     /// Returns the earliest known release.
     fn forecast(&self) -> Option<Tai> {
-        let slots = self.heads.iter().filter_map(|head| head.engine.exposing().next().slot());
+        let slots = self.heads.iter().filter_map(|head| head.head.engine.exposing().next().slot());
         slots.map(|slot| slot.release).min()
     }
 
     /// Executes orders from outside.
     fn take_orders(&mut self, orders: Option<&Queue<FrameOrder>>, release: Tai, record: &mut RunRecord) {
         for order in orders.into_iter().flat_map(Queue::try_iter) {
-            let mut parts: Vec<HeadParts<'_>> = self.heads.iter_mut().map(RealHead::parts).collect();
-            order(&mut parts, record, release);
+            let mut heads: Vec<&mut Head> = self.heads.iter_mut().map(|head| &mut *head.head).collect();
+            order(&mut heads, self.shared.receiver, record, release);
         }
     }
 
@@ -261,12 +244,13 @@ impl Bench<'_> {
     /// time for it; returns false when the run is to stop.
     fn await_jitter(&mut self, release: Tai, stop: &AtomicBool, record: &mut RunRecord) -> bool {
         let limit = |bench: &Self| {
-            let waits = bench.released(release).map(|(head, slot)| head.engine.jitter_wait(slot, head.receiver));
+            let waits = bench.released(release).map(|(engine, slot)| engine.jitter_wait(slot, bench.shared.receiver));
             release + waits.min().unwrap_or(Span::ZERO)
         };
         let until = limit(self);
-        let lacks =
-            |bench: &Self| bench.released(release).any(|(head, slot)| head.engine.lacks_jitter(slot, head.receiver));
+        let lacks = |bench: &Self| {
+            bench.released(release).any(|(engine, slot)| engine.lacks_jitter(slot, bench.shared.receiver))
+        };
         while lacks(self) {
             let now = self.shared.clock.now();
             if now >= until {
@@ -279,14 +263,15 @@ impl Bench<'_> {
         true
     }
 
-    /// Returns the heads with a slot that is released at this instant, and that slot.
-    fn released(&self, release: Tai) -> impl Iterator<Item = (&RealHead<'_>, Slot)> {
-        let slots = self.heads.iter().filter_map(|head| Some((head, head.engine.exposing().next().slot()?)));
+    /// Returns the engines with a slot that is released at this instant, and that slot.
+    fn released(&self, release: Tai) -> impl Iterator<Item = (&FrameEngine, Slot)> {
+        let engines = self.heads.iter().map(|head| &head.head.engine);
+        let slots = engines.filter_map(|engine| Some((engine, engine.exposing().next().slot()?)));
         slots.filter(move |(_, slot)| slot.release == release)
     }
 
     fn has_desks(&self) -> bool {
-        self.heads.iter().any(|head| head.engine.exposing().has_desks())
+        self.heads.iter().any(|head| head.head.engine.exposing().has_desks())
     }
 
     /// Accepts everything that has arrived, without waiting, and updates the state of the ports.
@@ -296,9 +281,7 @@ impl Bench<'_> {
             self.take_in(&got, record);
         }
         let now = self.shared.clock.now();
-        if let Some(first) = self.heads.first_mut() {
-            first.receiver.watch(now, &mut record.ledger);
-        }
+        self.shared.receiver.watch(now, &mut record.ledger);
         for (earlier, reading) in self.shared.readings.iter_mut().zip(link_thread.readings()) {
             reading.announce(earlier, now, &mut record.ledger);
             *earlier = reading;
@@ -312,35 +295,30 @@ impl Bench<'_> {
         note(EventKind::TriggerLineRestarted, &mut self.shared.line_restarts, link_thread.line_restarts());
     }
 
-    /// Passes an input to every head; the first one answers and records events.
+    /// Passes an input to the receiver, and camera commands to their heads.
     fn take_in(&mut self, got: &Received, record: &mut RunRecord) {
-        if let Received::Message { message, .. } = got {
-            camera_heads::show(&mut self.heads, &message.value);
-        }
-        for head in &mut self.heads {
-            let ledger = if head.number == 0 { &mut record.ledger } else { &mut self.shared.said_already };
-            match got {
-                Received::Pulse(at) => head.receiver.accept_pulse(*at),
-                Received::Sample(sample) => head.receiver.take_sample(&sample.value, sample.at, ledger),
-                Received::Edge { head: for_head, at, is_active } => {
-                    if for_head.is_none_or(|number| number == head.number) {
-                        let command = CameraCommand::Trigger { source: TriggerSource::Line, is_rising: *is_active };
-                        let commanded = Commanded { command, at: *at, from: CommandSource::Line };
-                        // A refused command is recorded as an event.
-                        let _noted = head.engine.exposing_mut().take(&commanded, &mut record.ledger);
-                    }
-                }
-                Received::Message { port, message } => {
-                    let answer = head.receiver.accept_input(*port, message, ledger);
-                    if let Some(answer) = answer.filter(|_| head.number == 0) {
-                        self.shared.link_thread.send(*port, answer);
-                    }
+        let Self { heads, shared: Shared { receiver, link_thread, clock, .. } } = self;
+        let ledger = &mut record.ledger;
+        match got {
+            Received::Pulse(at) => receiver.accept_pulse(*at),
+            Received::Sample(sample) => receiver.take_sample(&sample.value, sample.at, ledger),
+            Received::Edge { head: for_head, at, is_active } => {
+                let command = CameraCommand::Trigger { source: TriggerSource::Line, is_rising: *is_active };
+                let commanded = Commanded { command, at: *at, from: CommandSource::Line };
+                for head in heads.iter_mut().filter(|head| for_head.is_none_or(|number| number == head.number)) {
+                    // A refused command is recorded as an event.
+                    let _noted = head.head.engine.exposing_mut().take(&commanded, ledger);
                 }
             }
-        }
-        camera_heads::give(&mut self.heads, &mut record.ledger);
-        if let Received::Message { message, .. } = got {
-            record.count_intake(self.shared.clock.now() - message.at);
+            Received::Message { port, message } => {
+                let exposings = heads.iter().map(|head| head.head.engine.exposing());
+                camera_heads::show(exposings, receiver, &message.value);
+                if let Some(answer) = receiver.accept_input(*port, message, ledger) {
+                    link_thread.send(*port, answer);
+                }
+                camera_heads::give(heads, |head| head.head.engine.exposing_mut(), receiver, ledger);
+                record.count_intake(clock.now() - message.at);
+            }
         }
     }
 }

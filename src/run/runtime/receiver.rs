@@ -6,8 +6,8 @@ use crate::runtime::rate_check::{RateCheck, WINDOW};
 use crate::runtime::session::{Session, SessionParams};
 use crate::runtime::tag_rate::TagRate;
 use crate::runtime::{
-    camera_intake::CameraIntake, error::RunError, jitter_tables, params::AttitudeParams, slot::Slot,
-    triggers::FiredTrigger,
+    camera_intake::CameraIntake, error::RunError, jitter_tables, mounting::Mounting, params::AttitudeParams,
+    per_head::PerHead, slot::Slot, triggers::FiredTrigger,
 };
 use base::axes::{Rotation, WRITTEN_NORM_TOLERANCE};
 use base::time::{Span, Tai};
@@ -17,10 +17,7 @@ use firmware_protocol::ticks::{ticks_diff, wrapped};
 use firmware_protocol::{Message, handshake::Did};
 use glam::DVec3;
 use link::Stamped;
-use plan::attitude::{
-    AttitudeHistory, AttitudeSample, ClockEstimate, JitterHistory, JitterPoint, Observed, ObservedPps, RemoteClock,
-};
-use sky::observer::BarycentricState;
+use plan::attitude::{AttitudeHistory, AttitudeSample, ClockEstimate, Observed, ObservedPps, RemoteClock};
 use std::collections::VecDeque;
 
 /// Period of classic jitter pairs' samples.
@@ -30,8 +27,6 @@ const NORM_TOLERANCE: f64 = 2.0 * WRITTEN_NORM_TOLERANCE;
 
 /// Number of attitude tags that are kept: more than arrive during an exposure and a readout.
 const TAGS: usize = 256;
-/// Capacity for observer states that wait for an exposure: 10 s of 100 Hz.
-const OBSERVERS: usize = 1024;
 /// Number of ports whose time marks and messages are counted separately.
 pub const PORTS_MAX: usize = 8;
 /// Shortest interval between two tables that are put into effect.
@@ -46,12 +41,12 @@ pub struct PulseCounts {
     pub refused: u64,
 }
 
-/// The receiving half of the stimulator.
+/// The receiving half of the stimulator: one for all heads of a run, each with its [`Mounting`].
 pub struct Receiver {
     params: AttitudeParams,
     clock: RemoteClock,
     history: AttitudeHistory,
-    jitter: JitterHistory,
+    mountings: PerHead<Mounting>,
     session: Session,
     /// The last SYNC of each port that has not been reported.
     syncs: [Option<(u8, Tai)>; PORTS_MAX],
@@ -61,37 +56,26 @@ pub struct Receiver {
     /// Tags of the newest attitudes with the instants they were converted to, by rising instant.
     tags: VecDeque<(u32, Tai)>,
     newest_arrival: Option<Tai>,
-    /// End of the newest exposure that was drawn.
-    drawn_until: Option<Tai>,
-    /// Jitter samples that arrived after the exposure they belong to was drawn.
-    late_jitter: u64,
     /// Messages taken in by each port.
     messages: [u64; PORTS_MAX],
     /// Times of the last plain message and of the newest one, by their sender's clock.
     plain_tags: Option<(i64, i64)>,
     tag_rate: TagRate,
-    /// States of the observer for the next exposure.
-    observers: VecDeque<(Tai, BarycentricState)>,
     /// Sequence number of the latest attitude of an external plant.
     plant_seq: u8,
     rates: RateCheck,
 }
 
 impl Receiver {
-    /// Returns a receiver that has received nothing.
+    /// Returns a receiver that has received nothing, for one head.
     ///
     /// # Errors
     /// When a jitter line is not finite.
     pub fn new(params: AttitudeParams) -> Result<Self, RunError> {
-        let mut jitter = JitterHistory::new(params.jitter_history, params.jitter_max_gap);
-        jitter.set_lines(&params.jitter_lines, params.jitter_epoch)?;
-        if let Some(record) = &params.jitter_record {
-            jitter.set_record(record.clone());
-        }
         Ok(Self {
             clock: RemoteClock::new(params.clock),
             history: AttitudeHistory::new(params.history),
-            jitter,
+            mountings: PerHead::new(Mounting::new(&params)?),
             session: Session::new(SessionParams::default()),
             syncs: [None; PORTS_MAX],
             pulses: PulseCounts::default(),
@@ -99,23 +83,41 @@ impl Receiver {
             newest_epoch: None,
             tags: VecDeque::with_capacity(TAGS),
             newest_arrival: None,
-            drawn_until: None,
-            late_jitter: 0,
             messages: [0; PORTS_MAX],
             plain_tags: None,
             tag_rate: TagRate::default(),
-            observers: VecDeque::with_capacity(OBSERVERS),
             plant_seq: 0,
             rates: RateCheck::default(),
             params,
         })
     }
 
-    /// Returns the receiver with other session parameters than the default; call before anything is received.
+    /// Returns the receiver with other session parameters than the default; call before heads are added and anything is
+    /// received.
     #[must_use]
     pub fn with_session(mut self, params: SessionParams) -> Self {
         self.session = Session::new(params);
         self
+    }
+
+    /// Adds the next head; of its parameters the mounting and the jitter are its own.
+    ///
+    /// # Errors
+    /// When a jitter line is not finite.
+    pub fn add_head(&mut self, params: &AttitudeParams) -> Result<(), RunError> {
+        self.mountings.push(Mounting::new(params)?);
+        self.session.add_head();
+        Ok(())
+    }
+
+    /// Returns what it keeps for a head.
+    pub fn mounting(&self, head: usize) -> &Mounting {
+        self.mountings.of(head)
+    }
+
+    /// Returns what it keeps for a head, for the one that draws it.
+    pub fn mounting_mut(&mut self, head: usize) -> &mut Mounting {
+        self.mountings.of_mut(head)
     }
 
     /// Accepts triggers of this number from now on, because a fault or an event of the run waits for it.
@@ -133,18 +135,20 @@ impl Receiver {
         &self.session
     }
 
-    /// Returns the flight computer's triggers that act at or before `up_to`, by rising time, each once. Triggers that
-    /// are not taken from the iterator remain. Allocates nothing.
-    pub fn take_triggers(&mut self, up_to: Tai) -> impl Iterator<Item = FiredTrigger> + use<'_> {
-        let triggers = self.session.triggers_mut();
+    /// Returns the flight computer's triggers that act at or before `up_to`, by rising time, each once for each head.
+    /// Triggers that are not taken from the iterator remain. Allocates nothing.
+    pub fn take_triggers(&mut self, head: usize, up_to: Tai) -> impl Iterator<Item = FiredTrigger> + use<'_> {
+        let triggers = self.session.triggers_mut(head);
         core::iter::from_fn(move || triggers.next(up_to))
     }
 
-    /// Passes the triggers that act by the end of a slot's exposure to `fire`, and records them in the ledger.
-    pub fn fire_triggers(&mut self, slot: Slot, ledger: &mut Ledger, fire: &mut dyn FnMut(FiredTrigger)) {
-        for fired in self.take_triggers(slot.exposure_end) {
-            let event = Event::new(EventKind::TriggerFired, fired.at, Some(slot.number), slot.exposure_end - fired.at);
-            ledger.note(event);
+    /// Passes the triggers that act by the end of a slot's exposure to `fire`; the first head's are recorded.
+    pub fn fire_triggers(&mut self, head: usize, slot: Slot, ledger: &mut Ledger, fire: &mut dyn FnMut(FiredTrigger)) {
+        for fired in self.take_triggers(head, slot.exposure_end) {
+            if head == 0 {
+                let ahead = slot.exposure_end - fired.at;
+                ledger.note(Event::new(EventKind::TriggerFired, fired.at, Some(slot.number), ahead));
+            }
             fire(fired);
         }
     }
@@ -157,26 +161,6 @@ impl Receiver {
     /// Returns the attitudes so far.
     pub fn history(&self) -> &AttitudeHistory {
         &self.history
-    }
-
-    /// Returns the jitter so far.
-    pub fn jitter(&self) -> &JitterHistory {
-        &self.jitter
-    }
-
-    /// Sets the length of the next exposures, s.
-    pub fn set_exposure_s(&mut self, exposure_s: f64) {
-        self.jitter.set_exposure_s(exposure_s);
-    }
-
-    /// Records that an exposure that ends at `until` is drawn: samples of it that arrive from now on are late.
-    pub fn note_drawn(&mut self, until: Tai) {
-        self.drawn_until = self.drawn_until.max(Some(until));
-    }
-
-    /// Returns the number of jitter samples that arrived after the exposure they belong to was drawn.
-    pub fn late_jitter(&self) -> u64 {
-        self.late_jitter
     }
 
     /// Returns the time correlation.
@@ -254,8 +238,10 @@ impl Receiver {
         }
         let answer = self.session.answer(command, at, self.clock.estimate().as_ref(), ledger);
         if let Some(Did::Applied(table)) = answer.did {
-            let mounting = self.params.sensor_from_body;
-            let applied = jitter_tables::apply(table, self.session.tables(), mounting, &mut self.jitter);
+            let tables = self.session.tables();
+            let apply =
+                |head: &mut Mounting| jitter_tables::apply(table, tables, head.sensor_from_body, &mut head.jitter);
+            let applied = self.mountings.each(apply);
             let kind = if applied.is_ok() { EventKind::TableApplied } else { EventKind::SampleRefused };
             ledger.note(Event::new(kind, at, None, Span::ZERO));
         }
@@ -265,7 +251,8 @@ impl Receiver {
     /// Accepts wheel speeds; they have no time tag and are valid at the time their message was sent.
     fn take_wheels(&mut self, wheels: &Wheels, at: Tai, ledger: &mut Ledger) {
         let rad_s = wheels.speed_rpm.map(|rpm| f64::from(rpm) * RPM);
-        if self.jitter.wheel_speeds(rad_s, at - self.params.clock.constant_delay).is_err() {
+        let sent = at - self.params.clock.constant_delay;
+        if self.mountings.each(|head| head.jitter.wheel_speeds(rad_s, sent)).is_err() {
             ledger.note(Event::new(EventKind::SampleRefused, at, None, Span::ZERO));
         }
     }
@@ -332,7 +319,7 @@ impl Receiver {
             ledger.note(Event::new(EventKind::ClockRestarted, now, None, step));
             self.history.clear();
             self.rates.clear();
-            self.jitter.clear_points();
+            self.mountings.each(|head| head.jitter.clear_points());
             self.newest_epoch = None;
             self.session.forget_dated_triggers(now, ledger);
         } else {
@@ -346,8 +333,8 @@ impl Receiver {
     /// Passes the clock's estimate to uploaded jitter and triggers, which run by the flight computer's clock.
     fn follow_clock(&mut self) {
         if let Some(estimate) = self.clock.estimate() {
-            self.jitter.follow_clock(&estimate);
-            self.session.triggers_mut().follow_clock(&estimate);
+            self.mountings.each(|head| head.jitter.follow_clock(&estimate));
+            self.session.follow_clock(&estimate);
         }
     }
 
@@ -384,19 +371,10 @@ impl Receiver {
     pub fn take_plant(&mut self, sample: &PlantSample, arrived: Tai, ledger: &mut Ledger) -> bool {
         let at = sample.at;
         let attitude = sample.attitude.is_none_or(|attitude| self.take_plant_attitude(at, &attitude, arrived, ledger));
-        let jitter = sample.jitter_rad.is_none_or(|body_rad| {
-            let rotation_rad = self.params.sensor_from_body.apply(body_rad);
-            let is_taken = self.jitter.insert(JitterPoint { at, rotation_rad }, arrived).is_ok();
-            self.late_jitter += u64::from(is_taken && self.drawn_until.is_some_and(|until| at <= until));
-            is_taken
-        });
-        let observer = sample.observer.is_none_or(|state| {
-            let has_place = self.observers.len() < OBSERVERS;
-            if has_place {
-                self.observers.push_back((at, state));
-            }
-            has_place
-        });
+        let heads = &mut self.mountings;
+        let jitter =
+            sample.jitter_rad.is_none_or(|body_rad| heads.each(|head| head.take_jitter(at, body_rad, arrived)));
+        let observer = sample.observer.is_none_or(|state| heads.each(|head| head.take_observer(at, state)));
         for _ in [attitude, jitter, observer].into_iter().filter(|is_taken| !is_taken) {
             ledger.note(Event::new(EventKind::SampleRefused, arrived, None, arrived - at));
         }
@@ -430,11 +408,6 @@ impl Receiver {
         is_taken
     }
 
-    /// Returns the states of the observer that came since the last call, by arrival, each once.
-    pub fn take_observers(&mut self) -> impl Iterator<Item = (Tai, BarycentricState)> + use<'_> {
-        core::iter::from_fn(|| self.observers.pop_front())
-    }
-
     fn take_burst(&mut self, burst: &JitterBurst, at: Tai, ledger: &mut Ledger) {
         let period = Span::from_ns(i64::from(burst.period_us) * 1000);
         match self.clock.to_tai(burst.t_first_us, at) {
@@ -459,14 +432,12 @@ impl Receiver {
 
     /// Accepts jitter samples, which on the wire are rotations about body X and Y.
     fn take_jitter(&mut self, first: Tai, period: Span, samples_arcsec: &[[f32; 2]], at: Tai, ledger: &mut Ledger) {
-        self.jitter.note_stream(first, period, at);
+        self.mountings.each(|head| head.expect_stream(first, period, at));
         for (i, [x, y]) in (0_i64..).zip(samples_arcsec) {
             let body_rad = DVec3::new(f64::from(*x), f64::from(*y), 0.0) * ARCSEC;
-            let rotation_rad = self.params.sensor_from_body.apply(body_rad);
-            let point = JitterPoint { at: first + Span::from_ns(period.ns() * i), rotation_rad };
-            match self.jitter.insert(point, at) {
-                Ok(()) => self.late_jitter += u64::from(self.drawn_until.is_some_and(|until| point.at <= until)),
-                Err(_counted) => ledger.note(Event::new(EventKind::SampleRefused, at, None, at - point.at)),
+            let epoch = first + Span::from_ns(period.ns() * i);
+            if !self.mountings.each(|head| head.take_jitter(epoch, body_rad, at)) {
+                ledger.note(Event::new(EventKind::SampleRefused, at, None, at - epoch));
             }
         }
     }

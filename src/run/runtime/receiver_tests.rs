@@ -4,6 +4,7 @@ use firmware_protocol::can::{Decoder, Format, IdMap, encode};
 use firmware_protocol::message::{AttitudeFlags, Scet, Sync, Trigger};
 use firmware_protocol::version::CURRENT;
 use plan::attitude::{EstimateLimits, HistoryLimits, RemoteClockLimits, StalePolicy};
+use sky::observer::BarycentricState;
 
 /// Interval between attitudes and between time marks.
 const PERIOD_NS: i64 = NS_PER_S / 100;
@@ -195,7 +196,7 @@ fn triggers_follow_a_stepped_clock_and_leave_a_restarted_one() {
         cable.set_clock(new_scet_s * NS_PER_S);
         let stepped_at = Tai::from_ns(cable.now_ns);
         cable.send_mark();
-        let acted: Vec<FiredTrigger> = cable.receiver.take_triggers(stepped_at + Span::from_ms(11_000)).collect();
+        let acted: Vec<FiredTrigger> = cable.receiver.take_triggers(0, stepped_at + Span::from_ms(11_000)).collect();
         assert_eq!(acted.len(), fired, "the clock reads {new_scet_s} s");
         for trigger in acted {
             let off = trigger.at - (stepped_at + Span::from_ms(10_000));
@@ -257,8 +258,8 @@ fn samples_of_a_plant_outside_keep_double_precision_and_their_instants() {
     let newest = cable.receiver.history().newest().unwrap();
     assert_eq!((newest.at, newest.rate_rad_s.z), (now, 1e-9));
     assert!(newest.body_from_icrf.rotation_vector_to(&turned).length() < 1e-15, "single precision would be 1e-8 off");
-    assert_eq!(cable.receiver.take_observers().collect::<Vec<_>>(), [(now, state)]);
-    assert_eq!(cable.receiver.take_observers().count(), 0, "each state once");
+    assert_eq!(cable.receiver.mounting_mut(0).take_observers().collect::<Vec<_>>(), [(now, state)]);
+    assert_eq!(cable.receiver.mounting_mut(0).take_observers().count(), 0, "each state once");
     assert_eq!(ledger.count(EventKind::SampleRefused), 0);
     // The same instant again, and an old instant: each part is counted.
     assert!(!cable.receiver.take_plant(&sample, now, &mut ledger));

@@ -2,6 +2,7 @@
 
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::{engine::FrameEngine, port_reading::PortReading, receiver::Receiver, run_word::word_so_far};
+use base::drawn::{Degradation, FrameMethod, MethodName, PathOrigin};
 use base::time::{Span, Tai};
 use firmware_protocol::Reject;
 use frames::report::{
@@ -9,7 +10,6 @@ use frames::report::{
     NewestEvent, RunLimits, RunNumbers, RunSummary, Stage, StageHistogram, StageHistograms, StageTimes,
 };
 use frames::sink::{FaultFlags, FrameMeta, Loss, LossKind, SentFrame, SinkSummary};
-use plan::exposure::{Degradation, method::MethodName};
 use std::collections::BTreeMap;
 
 /// The results of a run.
@@ -100,22 +100,22 @@ impl RunRecord {
 
     /// Counts a frame that was drawn.
     pub fn count_rendered(&mut self, frame: &SentFrame, times: &StageTimes) {
+        let meta = &frame.meta;
         self.frames.rendered += 1;
-        let blank = frame.meta.faults.contains(FaultFlags::BLANK);
+        let blank = meta.faults.contains(FaultFlags::BLANK);
         self.frames.blank += u64::from(blank);
-        self.frames.extrapolated += u64::from(!blank && matches!(frame.meta.origin, "predicted" | "held"));
-        self.frames.partly_extrapolated += u64::from(frame.meta.is_partly_extrapolated);
-        self.frames.jitter_missing += u64::from(frame.meta.jitter_missing > Span::ZERO);
+        let is_extrapolated = matches!(meta.origin, PathOrigin::Predicted | PathOrigin::Held);
+        self.frames.extrapolated += u64::from(!blank && is_extrapolated);
+        self.frames.partly_extrapolated += u64::from(meta.is_partly_extrapolated);
+        self.frames.jitter_missing += u64::from(meta.jitter_missing > Span::ZERO);
         self.stages.record(times);
         self.stars.record(frame.truth.len() as u64);
-        self.attitude_age.record(frame.meta.attitude_age);
-        self.horizon.record(frame.meta.horizon);
-        if let Some(i) = MethodName::ALL.iter().position(|method| method.name() == frame.meta.method) {
-            self.methods[i] += 1;
+        self.attitude_age.record(meta.attitude_age);
+        self.horizon.record(meta.horizon);
+        if let FrameMethod::Planned(method) = meta.method {
+            self.methods[method as usize] += 1;
         }
-        if let Some(i) = Degradation::ALL.iter().position(|degradation| degradation.name() == frame.meta.degradation) {
-            self.degradations[i] += 1;
-        }
+        self.degradations[meta.degradation as usize] += 1;
     }
 
     /// Records the time from a message's arrival to its acceptance.
@@ -227,7 +227,7 @@ fn link_counts(receiver: &Receiver, ports: &[PortReading]) -> LinkCounts {
     let mut counts = LinkCounts::default();
     let mut add = |name: &str, count: u64| counts.counters.insert(name.to_string(), count);
     add("attitudes_accepted", history.accepted);
-    add("jitter_points_accepted", receiver.jitter().counts().accepted);
+    add("jitter_points_accepted", receiver.mounting(0).jitter.counts().accepted);
     add("clock_pairs", receiver.clock().pairs());
     for (number, port) in ports.iter().enumerate() {
         count_port(&mut counts, number, port);
@@ -236,7 +236,7 @@ fn link_counts(receiver: &Receiver, ports: &[PortReading]) -> LinkCounts {
     let pulses = receiver.pulses();
     let triggers = receiver.session().triggers().counts();
     let sometimes = [
-        ("jitter_points_late", receiver.late_jitter()),
+        ("jitter_points_late", receiver.mounting(0).late_jitter()),
         ("pulses_used", pulses.used),
         ("pulses_refused", pulses.refused),
         ("triggers_accepted", triggers.accepted),
@@ -251,7 +251,7 @@ fn link_counts(receiver: &Receiver, ports: &[PortReading]) -> LinkCounts {
             counts.counters.insert(name.into(), count);
         }
     }
-    let jitter = receiver.jitter().counts();
+    let jitter = receiver.mounting(0).jitter.counts();
     let history = [
         ("jitter_duplicate_epoch", jitter.duplicate_epoch),
         ("jitter_stale_time", jitter.stale),

@@ -50,12 +50,24 @@ pub struct ReportedFrame<'a> {
 }
 
 impl Reply {
-    /// Returns the messages for one frame.
-    pub fn messages(
+    /// Sends what there is to report about a frame of a head. Heads share one exposure time: only the first head reports
+    /// its frame, and each head its settings, once requested.
+    pub(super) fn report<E>(
         &mut self,
+        head: usize,
         frame: &ReportedFrame<'_>,
         receiver: &Receiver,
-    ) -> impl Iterator<Item = Message> + use<> {
+        mut send: impl FnMut(Message) -> Result<(), E>,
+    ) -> Result<(), E> {
+        if head == 0 {
+            self.messages(frame, receiver).try_for_each(&mut send)?;
+        }
+        let is_reporting = receiver.session().cameras().is_reporting();
+        camera_pages(head, frame.meta).into_iter().filter(|_| is_reporting).try_for_each(send)
+    }
+
+    /// Returns the messages for one frame.
+    fn messages(&mut self, frame: &ReportedFrame<'_>, receiver: &Receiver) -> impl Iterator<Item = Message> + use<> {
         let ReportedFrame { meta, now, .. } = *frame;
         self.frames += 1;
         let state = self.state(mode(meta, receiver), receiver, now);
@@ -108,7 +120,7 @@ fn all_rejects(ports: &[u32; REASONS], receiver: &Receiver) -> [u32; REASONS] {
         let total = &mut all[usize::from(reason.code())];
         *total = total.saturating_add(u32::try_from(count).unwrap_or(u32::MAX));
     };
-    for counts in [receiver.history().counts(), receiver.jitter().counts()] {
+    for counts in [receiver.history().counts(), receiver.mounting(0).jitter.counts()] {
         add(Reject::StaleTime, counts.stale + counts.older_than_history);
         add(Reject::FutureTime, counts.future);
         add(Reject::NotFinite, counts.not_finite);
@@ -160,7 +172,7 @@ fn clock(receiver: &Receiver) -> Option<StatusPage> {
 }
 
 /// Returns the CAMERA_STATUS pages of a frame of a head: its exposure settings.
-pub fn camera_pages(head: usize, meta: &FrameMeta) -> [Message; 3] {
+fn camera_pages(head: usize, meta: &FrameMeta) -> [Message; 3] {
     let (head, frame) = (u8::try_from(head).unwrap_or(u8::MAX), low_byte(meta.number));
     let delay_us = rounded(meta.trigger_delay.s() * 1e6, u32::MAX);
     let gain_cdb = u16::try_from(rounded(meta.gain_db * 100.0, u16::MAX.into())).unwrap_or(u16::MAX);

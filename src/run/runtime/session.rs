@@ -6,9 +6,9 @@
 //! `handshake`). Limits: on one bus every sender of commands for this node is the same flight computer. Tests: below,
 //! and `tests/closed_loop/session.rs`.
 
-use crate::runtime::camera_intake::CameraIntake;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::triggers::{Taken, Triggers, instant_of};
+use crate::runtime::{camera_intake::CameraIntake, per_head::PerHead};
 use base::time::{Span, Tai};
 use firmware_protocol::handshake::{Answer, Handshake, Takes};
 use firmware_protocol::message::{
@@ -60,7 +60,8 @@ pub struct Session {
     params: SessionParams,
     handshake: Handshake,
     tables: TableStore,
-    triggers: Triggers,
+    /// The waiting triggers of each head: every head takes them by its own exposures.
+    triggers: PerHead<Triggers>,
     cameras: CameraIntake,
     /// True when stopped or refused since the last RUN.
     is_halted: bool,
@@ -83,7 +84,7 @@ impl Session {
             params,
             handshake,
             tables: TableStore::new(),
-            triggers: Triggers::default(),
+            triggers: PerHead::new(Triggers::default()),
             cameras: CameraIntake::default(),
             is_halted: false,
             is_halted_by_stop: false,
@@ -99,14 +100,24 @@ impl Session {
         &self.tables
     }
 
-    /// Returns the triggers taken in.
-    pub fn triggers(&self) -> &Triggers {
-        &self.triggers
+    /// Adds the next head, before anything is received.
+    pub(super) fn add_head(&mut self) {
+        self.triggers.push(self.triggers.of(0).beside());
     }
 
-    /// Returns the triggers, for a caller that takes out due ones or has a new estimate of the clock.
-    pub fn triggers_mut(&mut self) -> &mut Triggers {
-        &mut self.triggers
+    /// Returns the triggers of the first head.
+    pub fn triggers(&self) -> &Triggers {
+        self.triggers.of(0)
+    }
+
+    /// Returns the triggers of a head, for a caller that takes out due ones.
+    pub fn triggers_mut(&mut self, head: usize) -> &mut Triggers {
+        self.triggers.of_mut(head)
+    }
+
+    /// Moves the waiting triggers to their instants under a new estimate of the clock.
+    pub fn follow_clock(&mut self, clock: &ClockEstimate) {
+        self.triggers.each(|head| head.follow_clock(clock));
     }
 
     /// Returns the camera commands taken in.
@@ -121,7 +132,7 @@ impl Session {
 
     /// Accepts triggers of this number from now on; all others are refused.
     pub fn expect_trigger(&mut self, number: u16) {
-        self.triggers.expect(number);
+        self.triggers.each(|head| head.expect(number));
     }
 
     /// Stores one cell of a table; it has no effect before APPLY.
@@ -196,25 +207,25 @@ impl Session {
             }
             Some(Err(_)) => ledger.note(Event::new(EventKind::TriggerRefused, at, None, Span::ZERO)),
             Some(Ok(Taken { ahead, .. })) => ledger.note(Event::new(EventKind::TriggerTaken, at, None, ahead)),
-            None => self.triggers.count_repeat(),
+            None => self.triggers.each(Triggers::count_repeat),
         }
     }
 
     fn forget_triggers(&mut self, at: Tai, ledger: &mut Ledger) {
-        let forgotten = self.triggers.forget();
+        let forgotten = self.triggers.each(Triggers::forget);
         note_forgotten(forgotten, at, ledger);
     }
 
     /// Discards the triggers that wait for an instant of a clock that has restarted.
     pub fn forget_dated_triggers(&mut self, at: Tai, ledger: &mut Ledger) {
-        let forgotten = self.triggers.forget_dated();
+        let forgotten = self.triggers.each(Triggers::forget_dated);
         note_forgotten(forgotten, at, ledger);
     }
 
     /// Moves the waiting triggers to their instants on a clock that has stepped, and discards those that are then out
     /// of range.
     pub fn step_triggers(&mut self, clock: &ClockEstimate, at: Tai, ledger: &mut Ledger) {
-        let forgotten = self.triggers.follow_step(clock, at);
+        let forgotten = self.triggers.each(|head| head.follow_step(clock, at));
         note_forgotten(forgotten, at, ledger);
     }
 
@@ -244,7 +255,7 @@ impl Session {
 
 /// Executes what one command requests beyond the handshake.
 struct Taking<'a> {
-    triggers: &'a mut Triggers,
+    triggers: &'a mut PerHead<Triggers>,
     cameras: &'a mut CameraIntake,
     clock: Option<&'a ClockEstimate>,
     at: Tai,
@@ -256,7 +267,8 @@ struct Taking<'a> {
 
 impl Takes for Taking<'_> {
     fn trigger(&mut self, trigger: Trigger) -> Result<Triggered, Refusal> {
-        let result = self.triggers.take(trigger, self.clock, self.at);
+        let (clock, at) = (self.clock, self.at);
+        let result = self.triggers.each(|head| head.take(trigger, clock, at));
         self.trigger = Some(result);
         result.map(|taken| taken.triggered)
     }

@@ -84,6 +84,11 @@ impl Default for Triggers {
 }
 
 impl Triggers {
+    /// Returns the empty triggers of another head of the same run.
+    pub(super) fn beside(&self) -> Self {
+        Self { expected: self.expected.clone(), ..Self::default() }
+    }
+
     /// Accepts triggers of this number from now on, because a fault or an event of the run waits for it. Allocates.
     pub fn expect(&mut self, number: u16) {
         if let Err(place) = self.expected.binary_search(&number) {

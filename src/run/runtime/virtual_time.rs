@@ -3,18 +3,16 @@
 //! Four kinds of events: a sample of an external plant reaches its instant; the other end of the cable has work; a
 //! slot's exposure ends and its frame is drawn; a frame has been read out and goes out. At one instant they come in
 //! that order, except that a frame goes out before the next one is drawn. Drawing takes no simulated time, so nothing
-//! is late; wall times per stage are still measured. [`VirtualLoop`] can be advanced step by step; [`run`] runs it to
-//! the end.
+//! is late; wall times per stage are still measured. [`VirtualLoop`] is advanced step by step, or to the
+//! end.
 
-use crate::runtime::camera_heads::{self, CameraHead};
 use crate::runtime::error::{FarEndError, RunError};
-use crate::runtime::frame_faults::{Fate, FrameFaults};
-use crate::runtime::ledger::{Event, EventKind, Ledger};
+use crate::runtime::ledger::{Event, EventKind};
 use crate::runtime::outcome::{RunOutcome, lines_of_head};
 use crate::runtime::plant_queue::{PlantQueue, PlantRefusal};
-use crate::runtime::reply::{Reply, ReportedFrame, camera_pages};
+use crate::runtime::reply::{Reply, ReportedFrame};
 use crate::runtime::{
-    engine::FrameEngine, exposing::Exposing, head_step::HeadStep, outside_tracker::OutsideTracker,
+    camera_heads, engine::FrameEngine, frame_faults::Fate, head::Head, outside_tracker::OutsideTracker,
     plant_sample::PlantSample, port_reading::PortReading, real_head::end_of, receiver::Receiver, record::RunRecord,
     shutter::NextSlot, slot::Slot, tracker_orders::commands_of,
 };
@@ -28,32 +26,12 @@ use std::{collections::VecDeque, sync::Arc};
 /// Interval at which a slot that waits for jitter samples looks for them.
 const JITTER_POLL: Span = Span::from_ms(1);
 
-/// One camera head: what draws its frames, its receiver, the sink of its frames, and its faults.
-pub struct Head<'a> {
-    /// Draws frames.
-    pub engine: &'a mut FrameEngine,
-    /// Receives messages.
-    pub receiver: &'a mut Receiver,
-    /// Takes the frames.
-    pub sink: &'a mut dyn Sink,
-    /// Damages frames; `None` without faults.
-    pub faults: Option<&'a mut FrameFaults>,
-}
-
-impl CameraHead for Head<'_> {
-    fn exposing_mut(&mut self) -> &mut Exposing {
-        self.engine.exposing_mut()
-    }
-
-    fn receiver_mut(&mut self) -> &mut Receiver {
-        self.receiver
-    }
-}
-
 /// The environment of a [`VirtualLoop`].
 pub struct World<'a> {
     /// The stimulator's end of the cable.
     pub port: &'a mut Port,
+    /// Receives messages.
+    pub receiver: &'a mut Receiver,
     /// Steps the other end to an instant and returns when it next has work.
     pub far_end: &'a mut dyn FnMut(Tai) -> Result<Tai, FarEndError>,
     /// Called with every frame that has gone out and the number of its head; false ends the run. It may exchange the
@@ -74,13 +52,14 @@ struct Pending {
 /// The loop's own state.
 pub struct VirtualLoop {
     clock: Arc<Virtual>,
-    record: RunRecord,
+    /// Counts and events so far.
+    pub record: RunRecord,
     /// When the other end next has work; `None` before the start.
     far_due: Option<Tai>,
-    /// Samples of an external plant.
-    plant: PlantQueue,
-    /// The tracker of each head beside an external plant, where there is one.
-    trackers: Vec<Option<OutsideTracker>>,
+    /// Samples of an external plant that wait for their instants.
+    pub plant: PlantQueue,
+    /// The tracker of each head beside an external plant, where there is one; they receive the frames as they go out.
+    pub trackers: Vec<Option<OutsideTracker>>,
     /// Until when each head's next slot waits for jitter samples; `None` when it is drawn at its release.
     waits_until: Vec<Option<Tai>>,
     pending: VecDeque<Pending>,
@@ -89,8 +68,6 @@ pub struct VirtualLoop {
     reply: Reply,
     /// Reading of the port at the previous frame.
     reading: PortReading,
-    /// Receives the notes of further heads about messages that the first head has already noted.
-    said_already: Ledger,
 }
 
 /// Kind of the next event.
@@ -117,23 +94,12 @@ impl VirtualLoop {
             stopped: false,
             reply: Reply::default(),
             reading: PortReading::default(),
-            said_already: Ledger::default(),
         }
     }
 
     /// Returns the simulated time.
     pub fn now(&self) -> Tai {
         self.clock.now()
-    }
-
-    /// Returns counts and events so far.
-    pub fn record(&self) -> &RunRecord {
-        &self.record
-    }
-
-    /// Returns counts and events so far, so that callers can add events.
-    pub fn record_mut(&mut self) -> &mut RunRecord {
-        &mut self.record
     }
 
     /// Queues samples of an external plant until their instants, all of a list or none. Samples of an instant that has
@@ -152,26 +118,6 @@ impl VirtualLoop {
         put
     }
 
-    /// Sets the trackers, one entry for each head, that receive the frames as they go out; call before the first frame.
-    pub fn set_trackers(&mut self, trackers: Vec<Option<OutsideTracker>>) {
-        self.trackers = trackers;
-    }
-
-    /// Returns the tracker of a head beside an external plant, if it has one.
-    pub fn tracker(&self, head: usize) -> Option<&OutsideTracker> {
-        self.trackers.get(head).and_then(Option::as_ref)
-    }
-
-    /// Returns the waiting samples of an external plant.
-    pub fn plant(&self) -> &PlantQueue {
-        &self.plant
-    }
-
-    /// Returns whether `progress` ended the run.
-    pub fn is_stopped(&self) -> bool {
-        self.stopped
-    }
-
     /// Returns the number of frames drawn that have not gone out, and when the last of them will.
     pub fn on_the_way(&self) -> (u64, Option<Tai>) {
         let last = self.pending.iter().map(|pending| pending.deliver_at).max();
@@ -184,8 +130,8 @@ impl VirtualLoop {
     }
 
     /// Returns whether every slot of every head has been drawn and every frame is out.
-    pub fn is_finished(&self, heads: &[Head<'_>]) -> bool {
-        let drawn = |head: &Head<'_>| head.engine.exposing().next().is_over(self.clock.now());
+    pub fn is_finished(&self, heads: &[Head]) -> bool {
+        let drawn = |head: &Head| head.engine.exposing().next().is_over(self.clock.now());
         self.far_due.is_some() && self.pending.is_empty() && heads.iter().all(drawn)
     }
 
@@ -193,24 +139,24 @@ impl VirtualLoop {
     ///
     /// # Errors
     /// When the link, the backend or a sink failed.
-    pub fn advance_to(&mut self, until: Tai, heads: &mut [Head<'_>], world: &mut World<'_>) -> Result<(), RunError> {
+    pub fn advance_to(&mut self, until: Tai, heads: &mut [Head], world: &mut World<'_>) -> Result<(), RunError> {
         if self.far_due.is_none() {
             self.start(heads, world)?;
         }
         while let Some((at, next)) = self.next(heads).filter(|(at, _)| *at <= until && !self.stopped) {
             self.clock.advance_to(at);
-            self.receive(at, heads, world.port)?;
+            self.receive(at, heads, world)?;
             self.take_commands(at, heads);
             match next {
-                Next::Plant => self.take_plant(at, heads),
+                Next::Plant => self.take_plant(at, world.receiver),
                 Next::FarEnd => self.far_due = Some((world.far_end)(at).map_err(RunError::FarEnd)?),
                 Next::Deliver => self.deliver(at, heads, world)?,
-                Next::Draw(head) => self.draw(head, heads, world.port)?,
+                Next::Draw(number) => self.draw(number, &mut heads[number], world)?,
             }
         }
         if !self.stopped {
             self.clock.advance_to(until);
-            self.receive(until, heads, world.port)?;
+            self.receive(until, heads, world)?;
         }
         Ok(())
     }
@@ -219,9 +165,9 @@ impl VirtualLoop {
     ///
     /// # Errors
     /// The same errors as [`Self::advance_to`].
-    pub fn finish(&mut self, heads: &mut [Head<'_>], world: &mut World<'_>) -> Result<(), RunError> {
+    pub fn finish(&mut self, heads: &mut [Head], world: &mut World<'_>) -> Result<(), RunError> {
         loop {
-            let last_release = |head: &Head<'_>| last_release(head.engine);
+            let last_release = |head: &Head| last_release(&head.engine);
             let last_pending = self.pending.iter().map(|pending| pending.deliver_at).max();
             let last_wait = self.waits_until.iter().copied().flatten().max();
             let lasts = heads.iter().map(last_release).chain(last_pending).chain(last_wait);
@@ -233,19 +179,29 @@ impl VirtualLoop {
         }
     }
 
-    /// Returns the record, when the run is over; frames that are still on the way do not go out and end like this.
-    pub fn into_record(mut self, on_the_way: FrameEnd) -> RunRecord {
+    /// Ends the run: finishes the sinks. Frames that are still on the way do not go out and end like this.
+    pub fn end(mut self, heads: &mut [Head], ports: Vec<PortReading>, on_the_way: FrameEnd) -> RunOutcome {
+        let (count, now) = (heads.len(), self.clock.now());
+        let mut error = None;
+        let (mut summaries, mut sinks) = (Vec::with_capacity(count), Vec::new());
+        for (number, head) in heads.iter_mut().enumerate() {
+            let finished = head.sink.finish();
+            note_losses(&mut self.record, &mut *head.sink, now);
+            let summary = finished.map_err(|finishing| error.get_or_insert(finishing.into())).ok();
+            sinks.extend(lines_of_head(number, count, sink_lines(&*head.sink, summary.as_ref())));
+            summaries.push(summary);
+        }
         for pending in &self.pending {
             self.record.frames.dropped += 1;
             self.record.account.add(on_the_way, pending.exposure_start);
         }
-        self.record
+        RunOutcome { record: self.record, ports, summaries, sinks, lost_threads: Vec::new(), error }
     }
 
-    fn start(&mut self, heads: &mut [Head<'_>], world: &mut World<'_>) -> Result<(), RunError> {
+    fn start(&mut self, heads: &mut [Head], world: &mut World<'_>) -> Result<(), RunError> {
         self.waits_until = vec![None; heads.len()];
         for head in heads.iter_mut() {
-            let mut frame = empty_frame(head.engine);
+            let mut frame = empty_frame(&head.engine);
             head.engine.warm_up(&mut frame)?;
             self.spare.push(frame);
         }
@@ -253,45 +209,39 @@ impl VirtualLoop {
         Ok(())
     }
 
-    /// Accepts what has arrived by `now`: every head receives everything; the first one answers and records events.
-    fn receive(&mut self, now: Tai, heads: &mut [Head<'_>], port: &mut Port) -> Result<(), RunError> {
+    /// Accepts and answers what has arrived by `now`.
+    fn receive(&mut self, now: Tai, heads: &mut [Head], world: &mut World<'_>) -> Result<(), RunError> {
+        let World { port, receiver, .. } = world;
         while let Some(message) = port.receive_any(now)? {
-            camera_heads::show(heads, &message.value);
-            for (i, head) in heads.iter_mut().enumerate() {
-                let ledger = if i == 0 { &mut self.record.ledger } else { &mut self.said_already };
-                let answer = head.receiver.accept_input(0, &message, ledger);
-                if let Some(answer) = answer.filter(|_| i == 0) {
-                    port.send(&answer)?;
-                }
+            camera_heads::show(heads.iter().map(|head| head.engine.exposing()), receiver, &message.value);
+            if let Some(answer) = receiver.accept_input(0, &message, &mut self.record.ledger) {
+                port.send(&answer)?;
             }
-            camera_heads::give(heads, &mut self.record.ledger);
+            camera_heads::give(heads, |head| head.engine.exposing_mut(), receiver, &mut self.record.ledger);
         }
         Ok(())
     }
 
     /// Accepts commands from clients of the cameras, and those that wait in the queues.
-    fn take_commands(&mut self, now: Tai, heads: &mut [Head<'_>]) {
+    fn take_commands(&mut self, now: Tai, heads: &mut [Head]) {
         for head in heads.iter_mut().filter(|head| head.engine.exposing().has_desks()) {
             head.engine.exposing_mut().poll(now, &mut self.record.ledger);
         }
     }
 
-    /// Passes every head the samples whose instant has come; the first one records refusals.
-    fn take_plant(&mut self, at: Tai, heads: &mut [Head<'_>]) {
+    /// Accepts the samples of a plant whose instant has come.
+    fn take_plant(&mut self, at: Tai, receiver: &mut Receiver) {
         while let Some(sample) = self.plant.take(at) {
-            for (i, head) in heads.iter_mut().enumerate() {
-                let ledger = if i == 0 { &mut self.record.ledger } else { &mut self.said_already };
-                head.receiver.take_sample(&sample, sample.at, ledger);
-            }
+            receiver.take_sample(&sample, sample.at, &mut self.record.ledger);
         }
     }
 
     /// Returns the earliest event; of simultaneous ones the first by kind.
-    fn next(&self, heads: &[Head<'_>]) -> Option<(Tai, Next)> {
+    fn next(&self, heads: &[Head]) -> Option<(Tai, Next)> {
         let plant = self.plant.next_at().map(|at| (at, Next::Plant));
         let far_end = self.far_due.map(|at| (at, Next::FarEnd));
         let delivery = self.pending.iter().map(|pending| pending.deliver_at).min().map(|at| (at, Next::Deliver));
-        let draw = |(i, head): (usize, &Head<'_>)| {
+        let draw = |(i, head): (usize, &Head)| {
             let slot = head.engine.exposing().next().slot()?;
             Some((self.waits_until[i].unwrap_or(slot.release), Next::Draw(i)))
         };
@@ -299,69 +249,61 @@ impl VirtualLoop {
         draws.chain(delivery).chain(far_end).chain(plant).min()
     }
 
-    fn draw(&mut self, i: usize, heads: &mut [Head<'_>], port: &mut Port) -> Result<(), RunError> {
-        let head = &mut heads[i];
+    fn draw(&mut self, number: usize, head: &mut Head, world: &mut World<'_>) -> Result<(), RunError> {
+        let World { port, receiver, .. } = world;
         // Input since the forecast may have moved the slot.
         let now = self.clock.now();
         let Some(slot) = head.engine.exposing().next().slot().filter(|slot| slot.release <= now) else { return Ok(()) };
-        if self.must_wait(i, slot, head) {
+        if self.must_wait(number, slot, &head.engine, receiver) {
             return Ok(());
         }
         head.engine.exposing_mut().begin(&mut self.record.ledger);
         self.record.frames.scheduled += 1;
-        let mut frame = self.take_buffer(head.engine);
+        let mut frame = self.take_buffer(&head.engine);
         let mut watch = Stopwatch::start();
-        let Head { engine, receiver, faults, .. } = head;
-        let noted_already = (i > 0).then_some(&mut self.said_already);
-        let mut step = HeadStep { engine, receiver, faults: faults.as_deref_mut(), noted_already };
-        let exposed = step.draw(slot, &mut self.record.ledger, &mut frame);
-        if let (Err(RunError::AttitudeStopped { .. }), 0) = (&exposed, i) {
-            port.send(&self.reply.stopped(head.receiver, slot.release))?;
+        let exposed = head.draw(slot, receiver, &mut self.record.ledger, &mut frame);
+        if let (Err(RunError::AttitudeStopped { .. }), 0) = (&exposed, number) {
+            port.send(&self.reply.stopped(receiver, slot.release))?;
         }
-        let Some((fate, times)) = exposed? else { return self.leave_out(i, slot, frame, head, port) };
+        let Some((fate, times)) = exposed? else { return self.leave_out(number, slot, frame, world) };
         frame.meta.lateness = Span::ZERO;
         let drawn = watch.lap();
         self.record.count_rendered(&frame, &times);
-        // Heads share one exposure time: only the first head reports.
-        if i == 0 {
-            self.announce(&frame, slot.due, head, port)?;
+        if number == 0 {
+            self.watch_link(slot.due, world);
         }
-        if head.receiver.session().cameras().is_reporting() {
-            for page in camera_pages(i, &frame.meta) {
-                port.send(&page)?;
-            }
-        }
+        let (pointing_bound_rad, rejects) = (head.engine.pointing_bound_rad(), &self.reading.rejects);
+        let reported = ReportedFrame { meta: &frame.meta, pointing_bound_rad, rejects, now: slot.due };
+        let World { port, receiver, .. } = world;
+        self.reply.report(number, &reported, receiver, |message| port.send(&message).map(|_at| ()))?;
         // The stimulator reports its own data before its frame is damaged.
-        if let Some(faults) = head.faults.as_mut() {
-            faults.spoil(&fate, &mut frame);
-        }
+        head.faults.spoil(&fate, &mut frame);
         let end = end_of(head.engine.end_on_time(), fate.delay, Span::ZERO);
-        self.queue((i, slot), frame, fate, (drawn, end));
+        self.queue((number, slot), frame, fate, (drawn, end));
         Ok(())
     }
 
     /// Returns true while a slot should wait for jitter samples that are under way; it waits in steps while there is
     /// time.
-    fn must_wait(&mut self, i: usize, slot: Slot, head: &Head<'_>) -> bool {
+    fn must_wait(&mut self, number: usize, slot: Slot, engine: &FrameEngine, receiver: &Receiver) -> bool {
         let now = self.clock.now();
-        let limit = slot.release + head.engine.jitter_wait(slot, head.receiver);
-        let waits = now < limit && head.engine.lacks_jitter(slot, head.receiver);
-        self.waits_until[i] = waits.then(|| limit.min(now + JITTER_POLL));
+        let limit = slot.release + engine.jitter_wait(slot, receiver);
+        let waits = now < limit && engine.lacks_jitter(slot, receiver);
+        self.waits_until[number] = waits.then(|| limit.min(now + JITTER_POLL));
         waits
     }
 
     /// Sends nothing for a slot without an attitude, and reports this to the flight computer.
     fn leave_out(
         &mut self,
-        i: usize,
+        number: usize,
         slot: Slot,
         frame: SentFrame,
-        head: &mut Head<'_>,
-        port: &mut Port,
+        world: &mut World<'_>,
     ) -> Result<(), RunError> {
-        if i == 0 {
-            self.watch_link(slot.due, head, port);
-            port.send(&self.reply.stopped(head.receiver, slot.due))?;
+        if number == 0 {
+            self.watch_link(slot.due, world);
+            world.port.send(&self.reply.stopped(world.receiver, slot.due))?;
         }
         self.record.frames.dropped += 1;
         self.record.account.add(FrameEnd::Dropped, slot.exposure_start);
@@ -369,25 +311,13 @@ impl VirtualLoop {
         Ok(())
     }
 
-    /// Reports the drawn frame to the flight computer, and changes of the link to the ledger.
-    fn announce(&mut self, frame: &SentFrame, now: Tai, head: &mut Head<'_>, port: &mut Port) -> Result<(), RunError> {
-        let reading = self.watch_link(now, head, port);
-        let pointing_bound_rad = head.engine.pointing_bound_rad();
-        let reported = ReportedFrame { meta: &frame.meta, pointing_bound_rad, rejects: &reading.rejects, now };
-        for message in self.reply.messages(&reported, head.receiver) {
-            port.send(&message)?;
-        }
-        Ok(())
-    }
-
-    /// Adds changes of the link to the ledger; returns the counters of the port.
-    fn watch_link(&mut self, now: Tai, head: &mut Head<'_>, port: &Port) -> PortReading {
-        head.receiver.watch(now, &mut self.record.ledger);
-        let reading = PortReading::of(port, 0);
+    /// Adds changes of the link to the ledger.
+    fn watch_link(&mut self, now: Tai, world: &mut World<'_>) {
+        world.receiver.watch(now, &mut self.record.ledger);
+        let reading = PortReading::of(world.port, 0);
         reading.announce(&self.reading, now, &mut self.record.ledger);
         self.reading = reading;
         self.record.keep_ports(&[reading]);
-        reading
     }
 
     fn queue(&mut self, (head, slot): (usize, Slot), frame: SentFrame, fate: Fate, (drawn, end): (Span, FrameEnd)) {
@@ -406,13 +336,13 @@ impl VirtualLoop {
         self.pending.push_back(Pending { deliver_at, head, frame, drawn, exposure_start, end });
     }
 
-    fn deliver(&mut self, at: Tai, heads: &mut [Head<'_>], world: &mut World<'_>) -> Result<(), RunError> {
+    fn deliver(&mut self, at: Tai, heads: &mut [Head], world: &mut World<'_>) -> Result<(), RunError> {
         while let Some(place) = self.pending.iter().position(|pending| pending.deliver_at <= at) {
             let Some(mut pending) = self.pending.remove(place) else { break };
             let head = &mut heads[pending.head];
             let mut watch = Stopwatch::start();
             let sent = head.sink.send(&pending.frame);
-            self.note_losses(head.sink);
+            note_losses(&mut self.record, &mut *head.sink, self.clock.now());
             sent?;
             if let Some(tracker) = self.trackers.get_mut(pending.head).and_then(Option::as_mut) {
                 let beta = head.engine.observer_beta(pending.frame.meta.mid_exposure).map_err(RunError::Scene)?;
@@ -434,12 +364,6 @@ impl VirtualLoop {
         // The far end processes this frame at its arrival.
         self.far_due = Some((world.far_end)(at).map_err(RunError::FarEnd)?);
         Ok(())
-    }
-
-    /// Adds the losses of a sink to the ledger.
-    pub fn note_losses(&mut self, sink: &mut dyn Sink) {
-        let (now, record) = (self.clock.now(), &mut self.record);
-        sink.take_losses(&mut |loss| record.note_losses(&[loss], now));
     }
 
     /// Returns a buffer of the engine's size.
@@ -469,48 +393,7 @@ fn empty_frame(engine: &FrameEngine) -> SentFrame {
     SentFrame::with_capacity(width, height, 0, camera.name.clone())
 }
 
-/// Runs every slot of one engine. `far_end` steps the other end of the cable to an instant and returns when it next has
-/// work; `progress` is called after each frame, and returns whether to go on.
-pub fn run(
-    engine: &mut FrameEngine,
-    receiver: &mut Receiver,
-    port: &mut Port,
-    clock: &Arc<Virtual>,
-    sink: &mut dyn Sink,
-    far_end: &mut dyn FnMut(Tai) -> Result<Tai, FarEndError>,
-    progress: &mut dyn FnMut(&SentFrame, &RunRecord) -> bool,
-) -> RunOutcome {
-    let progress = &mut |_head: usize, frame: &mut SentFrame, record: &RunRecord| progress(frame, record);
-    let heads = vec![Head { engine, receiver, sink, faults: None }];
-    run_in(clock, heads, &mut World { port, far_end, progress })
-}
-
-/// Runs every slot of several engines.
-pub fn run_in(clock: &Arc<Virtual>, mut heads: Vec<Head<'_>>, world: &mut World<'_>) -> RunOutcome {
-    let mut going = VirtualLoop::new(Arc::clone(clock));
-    let mut error = going.finish(&mut heads, world).err();
-    let (mut summaries, mut sinks) = (Vec::new(), Vec::new());
-    let count = heads.len();
-    for (number, head) in heads.iter_mut().enumerate() {
-        let finished = head.sink.finish();
-        going.note_losses(head.sink);
-        let summary = match finished {
-            Ok(summary) => Some(summary),
-            Err(finishing) => {
-                error.get_or_insert(finishing.into());
-                None
-            }
-        };
-        sinks.extend(lines_of_head(number, count, sink_lines(head.sink, summary.as_ref())));
-        summaries.push(summary);
-    }
-    let ports = vec![PortReading::of(world.port, 0)];
-    RunOutcome {
-        record: going.into_record(FrameEnd::Dropped),
-        ports,
-        summaries,
-        sinks,
-        lost_threads: Vec::new(),
-        error,
-    }
+/// Adds the losses of a sink to the ledger.
+fn note_losses(record: &mut RunRecord, sink: &mut dyn Sink, now: Tai) {
+    sink.take_losses(&mut |loss| record.note_losses(&[loss], now));
 }

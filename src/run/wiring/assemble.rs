@@ -5,14 +5,14 @@
 //!                                                                                       -> SteppedRun    virtual clock
 //! ```
 //!
-//! Order: memory is added up; heads (engine, receiver, faults) are made; then their sinks, on the run's clock; around
+//! Order: memory is added up; heads (engine, faults) and their receiver are made; then their sinks, on the run's clock; around
 //! the sinks the trackers' taps, the capture and the live view; the cable and the far end when the run connects; the
 //! events of the file last. Tests: `tests/closed_loop`, above all `matrix`.
 
-use crate::runtime::{Hygiene, Imager};
+use crate::runtime::{Head, Hygiene, Imager, receiver::Receiver};
 use crate::wiring::cable::CableSetting;
-use crate::wiring::fault_desk::{FaultDesk, in_order_of_placing};
-use crate::wiring::heads::{CostsHere, HeadSetting, RunHead, make_heads, take_sink};
+use crate::wiring::fault_desk::{FaultDesk, in_order_of_placing, lock};
+use crate::wiring::heads::{CostsHere, HeadSetting, make_heads, make_receiver, size_of, take_sink};
 use crate::wiring::live_tap::{LiveOptions, LiveTap};
 use crate::wiring::memory::{RunForm, RunMemory};
 use crate::wiring::ports::{Cable, is_unreachable, needs_real_clock};
@@ -31,7 +31,8 @@ use frames::camera_control::{CameraDesk, desk};
 use frames::sink::{NullSink, SentFrame, Sink};
 use link::tap::FaultControl;
 use outputs::live::Numbers;
-use std::{path::PathBuf, sync::Arc};
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex};
 use testbed::vehicle::TelemetryRow;
 
 /// Destination of the frames.
@@ -87,8 +88,9 @@ pub struct Run {
     pub(super) scenario: Scenario,
     pub(super) times: RunTimes,
     pub(super) clock: RunClock,
-    pub(super) heads: Vec<RunHead>,
-    pub(super) desk: FaultDesk,
+    pub(super) heads: Vec<Head>,
+    pub(super) receiver: Receiver,
+    pub(super) desk: Arc<Mutex<FaultDesk>>,
     pub(super) faults_of_bus: [FaultControl; 2],
     pub(super) hygiene: Option<Arc<Hygiene>>,
     pub(super) taps: Taps,
@@ -136,6 +138,7 @@ impl Run {
         };
         let mut heads = make_heads(HeadSetting { scenario: &scenario, start, costs })?;
         drop(cards);
+        let receiver = make_receiver(&scenario, &heads)?;
         arm(&scenario.bench, &mut heads)?;
         let clock = RunClock::new(clock, start);
         let count = heads.iter().filter(|head| head.is_shown).count();
@@ -149,7 +152,7 @@ impl Run {
         };
         let times = times(start, &heads)?;
         let there = Inventory {
-            heads: heads.iter().map(RunHead::size).collect(),
+            heads: heads.iter().map(size_of).collect(),
             wheels: scenario.vehicle().map(|vehicle| vehicle.spacecraft.params.wheels.len()),
         };
         let faults_of_bus = [FaultControl::default(), FaultControl::default()];
@@ -168,7 +171,8 @@ impl Run {
             times,
             clock,
             heads,
-            desk,
+            receiver,
+            desk: Arc::new(Mutex::new(desk)),
             faults_of_bus,
             hygiene,
             taps,
@@ -246,7 +250,7 @@ impl Run {
         let mut notes = Vec::new();
         for event in in_order_of_placing(&self.scenario.events) {
             let frames = self.heads.iter_mut().map(|head| &mut head.faults).collect();
-            let placed = self.desk.place(event, self.times.start, frames);
+            let placed = lock(&self.desk).place(event, self.times.start, frames);
             notes.extend(placed.note);
             far.take_event(placed, self.times.zero);
         }
@@ -267,7 +271,7 @@ impl Run {
     }
 
     /// Returns the heads, the first one first; at least one.
-    pub fn heads(&self) -> &[RunHead] {
+    pub fn heads(&self) -> &[Head] {
         &self.heads
     }
 
@@ -306,7 +310,7 @@ fn check_memory(
 }
 
 /// Returns the instants of a run: from the first exposure of the first head to the end of the last frame of any.
-fn times(start: Tai, heads: &[RunHead]) -> Result<RunTimes, LoopError> {
+fn times(start: Tai, heads: &[Head]) -> Result<RunTimes, LoopError> {
     let params = || heads.iter().map(|head| head.engine.params());
     let zero = params().next().map(|params| params.first_exposure).context("a run without a head")?;
     let end = params().map(|params| params.exposure_start(params.frames)).max().unwrap_or(zero);
@@ -315,7 +319,7 @@ fn times(start: Tai, heads: &[RunHead]) -> Result<RunTimes, LoopError> {
 
 /// Returns the sink for the frames of one head.
 fn sink_of_head(
-    head: &mut RunHead,
+    head: &mut Head,
     (number, count): (usize, usize),
     outputs: &mut Outputs<'_>,
     clock: &RunClock,

@@ -1,7 +1,7 @@
 //! The capture of a run: its cable, and the inputs that each frame was drawn from.
 
 use crate::wiring::replay::{Recording, ReplayError, SessionParams};
-use crate::wiring::{heads::RunHead, run_clock::RunClock};
+use crate::{runtime::Head, wiring::run_clock::RunClock};
 use base::time::Tai;
 use config::{Document, Scenario};
 use frames::sink::NullSink;
@@ -28,7 +28,7 @@ impl CaptureOptions<'_> {
         scenario: &Scenario,
         start: Tai,
         clock: &RunClock,
-        heads: &mut [RunHead],
+        heads: &mut [Head],
     ) -> Result<Recording, ReplayError> {
         let Some(first) = heads.first() else { return Err(ReplayError::Parts("a run without a head".into())) };
         let params = SessionParams {

@@ -3,14 +3,14 @@
 //! In: an event, and the faults of each head's frames. Out: actions and expectations for the far side ([`Placed`]).
 //! Faults of the bus go to the links' own lists. Tests: of `faults`, and `tests/closed_loop`.
 
-use crate::runtime::{FrameEngine, RunError};
-use crate::runtime::{frame_faults::FrameFaults, ledger::Event as LedgerEvent, receiver::Receiver};
+use crate::runtime::{Head, RunError, frame_faults::FrameFaults, ledger::Event as LedgerEvent, receiver::Receiver};
 use crate::wiring::error::LoopError;
 use crate::wiring::faults::{Aboard, FaultLine, FaultLog, Inventory, LoggedFault, Places, PlacesRead, check_places};
 use base::axes::{Body, Rotation, Sensor};
 use base::time::Tai;
 use config::{Action, Event};
 use link::tap::FaultControl;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// The faults of a run, and where they act.
 #[derive(Debug)]
@@ -86,16 +86,20 @@ pub(super) fn in_order_of_placing(events: &[Event]) -> impl Iterator<Item = &Eve
     events.iter().filter(move |event| !is_trigger(event)).chain(events.iter().filter(is_trigger))
 }
 
-/// Prepares what an event needs in one head, so that no frame waits for it later.
+/// Prepares what an event needs in the heads and their receiver, so that no frame waits for it later.
 ///
 /// # Errors
 /// When the tables of other optics cannot be made.
-pub(super) fn make_ready(
+pub(super) fn make_ready<'a>(
     event: &Event,
-    engine: &mut FrameEngine,
+    mut heads: impl Iterator<Item = &'a mut Head>,
     receiver: &mut Receiver,
-    faults: Option<&mut FrameFaults>,
 ) -> Result<(), RunError> {
     event.on_trigger.into_iter().for_each(|number| receiver.expect_trigger(number));
-    faults.map_or(Ok(()), |faults| faults.prepare(engine))
+    heads.try_for_each(|Head { engine, faults, .. }| faults.prepare(engine))
+}
+
+/// Locks what threads share, also after one of them has panicked.
+pub(super) fn lock<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
+    shared.lock().unwrap_or_else(PoisonError::into_inner)
 }

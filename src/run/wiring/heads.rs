@@ -1,22 +1,17 @@
-//! The camera heads of a run: each with its engine, its receiver, its sink and its faults.
+//! Makes the camera heads of a run, each with its engine, its sink and its faults, and their receiver.
 //!
 //! In: a scenario and the options of a run. Out: heads, and the trackers' ends of their taps where a spacecraft is
 //! flown. Heads share the stars and the almanac. With a calibrated display and a spacecraft inside, each frame is drawn
 //! twice: for the display, and as the spacecraft's own tracker sees it.
 
-use crate::runtime::{FrameEngine, Imager, RunParams};
+use crate::runtime::{FrameEngine, Head, Imager, RunParams, receiver::Receiver};
 use crate::wiring::display_parts::{calibrated_display, take_display};
-use crate::{
-    runtime::frame_faults::FrameFaults, runtime::receiver::Receiver, wiring::bench_parts, wiring::faults::HeadSize,
-    wiring::motion::script_scale,
-};
-use anyhow::Result;
-use base::axes::{Body, Rotation, Sensor};
+use crate::wiring::{bench_parts, faults::HeadSize, motion::script_scale};
+use anyhow::{Context, Result};
 use base::clock::{Clock, Monotonic};
 use base::time::Tai;
 use config::{Bench, Plant, Scenario};
 use frames::sink::{NullSink, Sink, TapEnd, Tee, tap};
-use outputs::display::calibration::Calibration;
 use plan::exposure::cost::CostModel;
 use sky::almanac::Almanac;
 use stars::Sky;
@@ -24,32 +19,20 @@ use stars::Sky;
 /// Capacity for frames on their way to a tracker.
 const TAP_FRAMES: usize = 8;
 
-/// One camera head of a run.
-pub struct RunHead {
-    /// Draws frames.
-    pub engine: FrameEngine,
-    /// Receives messages.
-    pub receiver: Receiver,
-    /// Damages frames.
-    pub faults: FrameFaults,
-    /// Takes frames.
-    pub sink: Box<dyn Sink>,
-    /// Mounting.
-    pub(super) mounting: Rotation<Sensor, Body>,
-    /// True when its frames leave the program: those drawn for an internal tracker beside a display do not.
-    pub(super) is_shown: bool,
-    /// Calibration that it is drawn with, if it is drawn for a display.
-    pub(super) calibration: Option<Calibration>,
-    /// The tracker's end of its tap, until the far side takes it.
-    pub(super) tracker: Option<TapEnd>,
+/// Returns the sizes of detector and images of a head.
+pub(super) fn size_of(head: &Head) -> HeadSize {
+    let camera = &head.engine.params().camera;
+    HeadSize { size_px: camera.sensor_px(), output_px: camera.output().size_px }
 }
 
-impl RunHead {
-    /// Returns the sizes of detector and images.
-    pub(super) fn size(&self) -> HeadSize {
-        let camera = &self.engine.params().camera;
-        HeadSize { size_px: camera.sensor_px(), output_px: camera.output().size_px }
-    }
+/// Returns the receiver of all heads of a run.
+pub(super) fn make_receiver(scenario: &Scenario, heads: &[Head]) -> Result<Receiver> {
+    let mut params = heads.iter().map(|head| &head.engine.params().attitude);
+    let first = params.next().context("a run without a head")?;
+    let mut receiver = Receiver::new(first.clone())?.with_session(bench_parts::session_params(&scenario.bench));
+    params.try_for_each(|next| receiver.add_head(next))?;
+    scenario.events.iter().filter_map(|event| event.on_trigger).for_each(|number| receiver.expect_trigger(number));
+    Ok(receiver)
 }
 
 /// Returns the costs that were measured on this machine for an imager.
@@ -65,7 +48,7 @@ pub(super) struct HeadSetting<'a> {
 }
 
 /// Makes the heads of a run, without their sinks.
-pub(super) fn make_heads(setting: HeadSetting<'_>) -> Result<Vec<RunHead>> {
+pub(super) fn make_heads(setting: HeadSetting<'_>) -> Result<Vec<Head>> {
     let HeadSetting { scenario, start, mut costs } = setting;
     let (bench, is_flown) = (&scenario.bench, scenario.vehicle().is_some());
     let draws_twice = is_flown && calibrated_display(bench).is_some();
@@ -91,17 +74,13 @@ pub(super) fn make_heads(setting: HeadSetting<'_>) -> Result<Vec<RunHead>> {
             let cost = *measured.get_or_insert_with(|| costs(&imager));
             bench_parts::take_real_clock(&mut params, &own, cost);
         }
-        let mut receiver = Receiver::new(params.attitude.clone())?.with_session(bench_parts::session_params(&own));
-        let triggers = scenario.events.iter().filter_map(|event| event.on_trigger);
-        triggers.for_each(|number| receiver.expect_trigger(number));
-        let mut engine = shared.engine(params, imager)?;
+        let mut engine = shared.engine(params, imager)?.of_head(heads.len());
         if scenario.plant == Plant::FlightComputer {
             engine.expect_motion(script_scale(bench));
         }
         let (tracker, sink) = with_tap(&engine, has_tracker);
-        let (mounting, faults) = (own.sensor_from_body, FrameFaults::default());
-        let is_shown = !(draws_twice && has_tracker);
-        heads.push(RunHead { engine, receiver, faults, sink, mounting, is_shown, calibration, tracker });
+        let (mounting, is_shown) = (own.sensor_from_body, !(draws_twice && has_tracker));
+        heads.push(Head { mounting, is_shown, calibration, tracker, ..Head::new(engine, sink) });
     }
     Ok(heads)
 }
@@ -125,7 +104,7 @@ fn with_tap(engine: &FrameEngine, has_tracker: bool) -> (Option<TapEnd>, Box<dyn
 }
 
 /// Adds a sink for a head's frames before its tracker.
-pub(super) fn take_sink(head: &mut RunHead, sink: Box<dyn Sink>) {
+pub(super) fn take_sink(head: &mut Head, sink: Box<dyn Sink>) {
     let own = core::mem::replace(&mut head.sink, Box::new(NullSink::new()));
     head.sink = if head.tracker.is_some() { Box::new(Tee::new(sink, own)) } else { sink };
 }

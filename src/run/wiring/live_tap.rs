@@ -1,6 +1,6 @@
 //! The live view of a run: a page with the newest frame of each head and the run's numbers.
 
-use crate::{runtime::FrameEngine, wiring::heads::RunHead};
+use crate::runtime::{FrameEngine, Head};
 use anyhow::{Context, Result};
 use base::clock::{Clock, Monotonic};
 use config::Bench;
@@ -29,7 +29,7 @@ impl LiveTap {
     ///
     /// # Errors
     /// When the address cannot be listened on.
-    pub(super) fn beside(options: &LiveOptions, bench: &Bench, heads: &mut [RunHead]) -> Result<Self> {
+    pub(super) fn beside(options: &LiveOptions, bench: &Bench, heads: &mut [Head]) -> Result<Self> {
         // The view shows the time at which a frame came: its clock is the machine's, even for a simulated bench.
         let clock: Arc<dyn Clock> = Arc::new(Monotonic::start());
         let shown = heads.iter().enumerate().map(|(number, head)| head_params(number, &head.engine)).collect();

@@ -18,6 +18,7 @@ pub mod fault_schedule;
 pub mod faults;
 mod fly;
 pub mod heads;
+mod landing;
 pub mod light_parts;
 pub mod live_tap;
 pub mod memory;

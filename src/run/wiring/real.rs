@@ -6,20 +6,19 @@
 //! injected, reach the frame thread between two slots and the far end's thread between two steps.
 
 use crate::runtime::hygiene::{Hygiene, Role};
-use crate::runtime::real_parts::{Head, Setting, Sources};
-use crate::runtime::{RunError, RunOutcome, RunRecord};
-use crate::wiring::run_end::{Flown, RunEnd, keep_first, losses};
+use crate::runtime::real_parts::{Setting, Sources};
+use crate::runtime::{RunError, RunRecord};
 use crate::wiring::steering::{FarOrder, Orders};
 use crate::wiring::verdict::{Promise, limits};
-use crate::wiring::{assemble::Run, error::LoopError, far_side::FarSide, ports::Cable, replay::Recording};
+use crate::wiring::{assemble::Run, error::LoopError, far_side::FarSide, replay::Recording};
+use crate::wiring::{landing::Landing, run_end::RunEnd};
 use crate::{runtime::error::FarEndError, runtime::real_time::run_in};
 use base::clock::{Clock, Monotonic};
 use base::time::Span;
 use core::sync::atomic::{AtomicBool, Ordering};
 use crossbeam_channel::{Receiver as Queue, bounded};
 use frames::sink::{FrameMeta, SentFrame};
-use std::sync::{Arc, Mutex, PoisonError};
-use std::thread::JoinHandle;
+use std::{sync::Arc, thread::JoinHandle};
 
 /// Interval at which the far end's thread looks for frames and orders.
 const POLL: Span = Span::from_ms(2);
@@ -35,96 +34,57 @@ pub(super) fn fly(
 ) -> Result<RunEnd, LoopError> {
     let mut far = run.far_side()?;
     let notes = run.place_events(&mut far)?;
-    let Run { scenario, times, mut heads, desk, hygiene, taps, cable, steering, .. } = run;
-    let mut cable = cable.ok_or_else(|| anyhow::anyhow!("a run without a cable"))?;
+    let promise = Promise::of(&run.scenario, &run.heads);
+    let Run { scenario, times, heads, receiver, desk, hygiene, taps, cable, steering, .. } = &mut run;
+    let (times, recording, hygiene) = (*times, taps.recording.as_ref(), hygiene.as_ref());
+    let cable = cable.as_mut().ok_or_else(|| anyhow::anyhow!("a run without a cable"))?;
     let clock: Arc<dyn Clock> = Arc::<Monotonic>::clone(clock);
-    let (desk, over) = (Arc::new(Mutex::new(desk)), Arc::new(AtomicBool::new(false)));
+    let over = Arc::new(AtomicBool::new(false));
     let (seen, queue) = bounded::<(usize, FrameMeta)>(SEEN_FRAMES * heads.len());
-    let recorded = taps.recording.as_ref().and_then(Recording::samples);
-    let orders = steering.as_ref().map(|steering| steering.attach(&desk, &clock, times, recorded));
+    let recorded = recording.and_then(Recording::samples);
+    let orders = steering.as_ref().map(|steering| steering.attach(desk, &clock, times, recorded));
     let (frame_orders, far_orders, samples) = match orders {
         Some(Orders { frames, far, samples }) => (Some(frames), Some(far), Some(samples)),
         None => (None, None, None),
     };
     let ends = Ends { over: Arc::clone(&over), stop: Arc::clone(stop) };
     let flight = Flight { far, clock: Arc::clone(&clock), ends, seen: queue.clone(), orders: far_orders };
-    let thread = flight.start(hygiene.clone())?;
+    let thread = flight.start(hygiene.map(Arc::clone))?;
     let ring_frames = usize::try_from(scenario.bench.budget.ring_frames).unwrap_or(0);
-    let promise = Promise::of(&scenario, &heads);
-    let (hygienic, orders) = (hygiene.as_ref(), frame_orders.as_ref());
-    let setting = Setting { clock: &clock, stop, hygiene: hygienic, ring_frames, limits: limits(&scenario), orders };
+    let (limits, orders) = (limits(scenario), frame_orders.as_ref());
+    let setting = Setting { clock: &clock, stop, hygiene, ring_frames, limits, orders };
     let mut seen_and_reported = |head: usize, frame: &SentFrame, record: &RunRecord| {
         let _the_witness_may_be_busy = seen.try_send((head, frame.meta.clone()));
         progress(head, frame, record);
     };
-    let drawn = heads.iter_mut().map(|head| Head {
-        engine: &mut head.engine,
-        receiver: &mut head.receiver,
-        sink: core::mem::replace(&mut head.sink, Box::new(frames::sink::NullSink::new())),
-        faults: Some(&mut head.faults),
-    });
     let (ports, chips) = (core::mem::take(&mut cable.near), core::mem::take(&mut cable.chips));
     let sources = Sources { ports, pulses: cable.pulses.take(), samples, chips };
-    let outcome = run_in(&setting, drawn.collect(), sources, &mut seen_and_reported);
+    let mut outcome = run_in(&setting, heads, receiver, sources, &mut seen_and_reported);
     let (now, was_over) = (clock.now().min(times.end), !stop.load(Ordering::SeqCst));
     over.store(true, Ordering::SeqCst);
-    if let Some(steering) = &steering {
+    if let Some(steering) = steering {
         steering.detach(times, outcome.record.numbers(None));
-        let recording = taps.recording.as_ref();
         for (event, came) in steering.injected() {
             recording.into_iter().for_each(|tap| tap.note_injected(&event, came));
         }
     }
-    let RunOutcome { mut record, ports, summaries, sinks: sink_lines, lost_threads, error } = outcome;
-    let mut error = error.map(LoopError::from);
+    let mut error = outcome.error.take().map(LoopError::from);
     let mut far = match joined(thread) {
         Ok(far) => far,
         Err(lost) => {
-            keep_first(&mut error, Some(lost));
-            FarSide::new(&scenario, None, (Vec::new(), Vec::new()), (times, Vec::new()))?
+            error.get_or_insert(lost.into());
+            FarSide::new(scenario, None, (Vec::new(), Vec::new()), (times, Vec::new()))?
         }
     };
-    notes.into_iter().for_each(|note| record.ledger.note(note));
+    notes.into_iter().for_each(|note| outcome.record.ledger.note(note));
     queue_rest(&mut far, &queue);
-    let desk = desk.lock().unwrap_or_else(PoisonError::into_inner);
-    let faults = desk.lines(heads.iter().map(|head| &head.faults).collect(), &|number| far.hits_aboard(number));
-    let flown = Flown::of(far.vehicle(), far.witness.assessment(), heads[0].engine.params());
-    let assessment = far.witness.finish(&record, &faults, now);
-    let mut end = RunEnd {
-        times,
-        losses: losses(&sink_lines, &record),
-        heads,
-        record,
-        ports,
-        summaries,
-        sink_lines,
-        gateways: cable.gateway_rows(),
-        hygiene: hygiene.map(|hygiene| hygiene.lines()).unwrap_or_default(),
-        assessment,
-        faults,
-        flown,
-        simulated_s: (now - times.zero).s().max(0.0),
-        promise,
-        was_over,
-        cut_short: None,
-        error,
-    };
-    lost_threads.into_iter().for_each(|name| end.note_lost_thread(name, now));
-    close(&mut cable, &mut end, now);
-    taps.finish(&mut end, now);
-    Ok(end)
+    let simulated_s = (now - times.zero).s().max(0.0);
+    Ok(run.end(Landing { outcome, far, promise, cut_short: None, was_over, now, simulated_s, error }))
 }
 
 /// Passes the witness the frames that its thread has not taken.
 fn queue_rest(far: &mut FarSide, seen: &Queue<(usize, FrameMeta)>) {
     seen.try_iter().for_each(|(head, meta)| far.witness_frame(head, &meta));
-}
-
-/// Closes the gateways; those of their threads that ended early count as losses.
-fn close(cable: &mut Cable, end: &mut RunEnd, now: base::time::Tai) {
-    for _ in 0..cable.close() {
-        end.note_lost_thread("gateway", now);
-    }
 }
 
 /// Links the ends of the run and of the far end's thread: each ends the other.

@@ -1,8 +1,8 @@
 //! Results of a run, finished or in progress, and their expected values by linear theory.
 
-use crate::runtime::{EventKind, PortReading, RunError, RunParams, RunRecord, note_lost_reader};
+use crate::runtime::{EventKind, Head, PortReading, RunParams, RunRecord, receiver::Receiver};
 use crate::wiring::verdict::{CutShort, Facts, Promise, verdict};
-use crate::wiring::{assessment::Assessment, error::LoopError, faults::FaultLine, heads::RunHead, run_times::RunTimes};
+use crate::wiring::{assessment::Assessment, error::LoopError, faults::FaultLine, run_times::RunTimes};
 use base::time::{Span, Tai};
 use base::units::ARCSEC;
 use frames::report::{FrameAccount, GatewayRow, HygieneLine, Losses, RunSummary, RunVerdict};
@@ -43,7 +43,9 @@ pub struct RunEnd {
     /// Its instants.
     pub times: RunTimes,
     /// Its heads; at least one.
-    pub heads: Vec<RunHead>,
+    pub heads: Vec<Head>,
+    /// Their receiver.
+    pub receiver: Receiver,
     /// Counts, times and events of the stimulator.
     pub record: RunRecord,
     /// Counters of each port.
@@ -116,7 +118,7 @@ impl RunEnd {
         let first = &self.heads[0];
         let shown = self.heads.iter().position(|head| head.is_shown).unwrap_or(0);
         let sink = self.summaries.get(shown).and_then(Option::as_ref);
-        let mut summary = self.record.summary(&first.engine, &first.receiver, &self.ports, sink);
+        let mut summary = self.record.summary(&first.engine, &self.receiver, &self.ports, sink);
         (summary.verdict, summary.account) = (self.verdict(), self.account());
         summary.frames.scheduled = summary.account.scheduled();
         summary.sinks = self.sink_lines.clone();
@@ -136,6 +138,7 @@ impl RunEnd {
         let facts = Facts {
             record: &self.record,
             heads: &self.heads,
+            receiver: &self.receiver,
             ports: &self.ports,
             losses: &self.losses,
             zero: self.times.zero,
@@ -160,20 +163,6 @@ impl RunEnd {
     /// Returns true when expectations and invariants are met.
     pub fn holds(&self) -> bool {
         self.first_failure().is_none()
-    }
-}
-
-/// Returns all losses: frames that a sink dropped or refused, sinks that failed, the reader of stars.
-pub(super) fn losses(lines: &[SinkLine], record: &RunRecord) -> Losses {
-    let mut losses = Losses::of_sinks(lines);
-    note_lost_reader(&mut losses, &record.ledger);
-    losses
-}
-
-/// Keeps the first error.
-pub(super) fn keep_first(error: &mut Option<LoopError>, next: Option<RunError>) {
-    if let (None, Some(next)) = (&error, next) {
-        *error = Some(next.into());
     }
 }
 

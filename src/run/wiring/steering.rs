@@ -7,11 +7,10 @@
 //! this delays is counted as late. Tests: `tests/closed_loop/control.rs`.
 
 use crate::runtime::ledger::{Event as LedgerEvent, EventKind};
-use crate::runtime::real_parts::{FrameOrder, HeadParts};
-use crate::runtime::{PlantSample, RunError, RunRecord};
-use crate::wiring::fault_desk::{FaultDesk, make_ready};
+use crate::runtime::{Head, PlantSample, RunError, RunRecord, real_parts::FrameOrder, receiver::Receiver};
+use crate::wiring::fault_desk::{FaultDesk, lock, make_ready};
 use crate::wiring::{
-    control::NewestFrames, error::LoopError, far_side::FarSide, heads::RunHead, replay::SampleTap, run_times::RunTimes,
+    control::NewestFrames, error::LoopError, far_side::FarSide, replay::SampleTap, run_times::RunTimes,
 };
 use base::clock::Clock;
 use base::time::{Span, Tai};
@@ -21,7 +20,7 @@ use crossbeam_channel::{Receiver as Queue, RecvTimeoutError, Sender, TrySendErro
 use frames::report::RunNumbers;
 use frames::sink::{NullSink, SentFrame, Sink, SinkError, SinkSummary, Tee};
 use link::Stamped;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 /// Capacity for orders that wait for the frame thread or the far end.
 const ORDERS: usize = 16;
@@ -61,10 +60,6 @@ pub(super) struct Orders {
     pub(super) samples: Queue<Stamped<PlantSample>>,
 }
 
-fn lock<T>(shared: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
-    shared.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 /// Returns why a request did not reach a thread of the run.
 fn unsent<T>(what: &str, error: &TrySendError<T>) -> LoopError {
     match error {
@@ -95,7 +90,7 @@ impl Steering {
     }
 
     /// Adds a sink that keeps the newest frame to each head.
-    pub(super) fn watch_frames(&self, heads: &mut [RunHead]) {
+    pub(super) fn watch_frames(&self, heads: &mut [Head]) {
         for (number, head) in heads.iter_mut().enumerate() {
             let sink = core::mem::replace(&mut head.sink, Box::new(NullSink::new()));
             let newest = NewestSink { head: number, newest: Arc::clone(&self.newest) };
@@ -165,11 +160,11 @@ impl Steering {
     /// When the run is over or does not answer.
     pub fn on_frame_thread<T: Send + 'static>(
         &self,
-        order: impl FnOnce(&mut [HeadParts<'_>], &mut RunRecord, Tai) -> T + Send + 'static,
+        order: impl FnOnce(&mut [&mut Head], &mut Receiver, &mut RunRecord, Tai) -> T + Send + 'static,
     ) -> Result<T, LoopError> {
         let (done, answer) = bounded(1);
-        let order: FrameOrder = Box::new(move |heads, record, release| {
-            let _ = done.try_send(order(heads, record, release)); // the client may be gone
+        let order: FrameOrder = Box::new(move |heads, receiver, record, release| {
+            let _ = done.try_send(order(heads, receiver, record, release)); // the client may be gone
         });
         self.attached()?.frames.try_send(order).map_err(|error| unsent("the frame thread", &error))?;
         answer.recv_timeout(DONE_WITHIN).map_err(|error| unanswered("the frame thread", error))
@@ -218,7 +213,7 @@ impl Steering {
     /// When the run is over or does not answer.
     pub(super) fn note_bad_samples(&self) -> Result<(), LoopError> {
         let at = self.now()?.1;
-        self.on_frame_thread(move |_, record, _| {
+        self.on_frame_thread(move |_, _, record, _| {
             record.ledger.note(LedgerEvent::new(EventKind::SampleRefused, at, None, Span::ZERO));
         })
     }
@@ -228,7 +223,7 @@ impl Steering {
     /// # Errors
     /// When the run is over or does not answer.
     pub fn numbers(&self) -> Result<RunNumbers, LoopError> {
-        self.on_frame_thread(|_, record, _| record.numbers(None))
+        self.on_frame_thread(|_, _, record, _| record.numbers(None))
     }
 
     /// Adds an event; its time counts from the first exposure. An event of the past starts at once.
@@ -239,15 +234,13 @@ impl Steering {
         let attached = self.attached()?;
         lock(&attached.desk).check(event)?;
         let (event, desk, clock) = (*event, Arc::clone(&attached.desk), Arc::clone(&attached.clock));
-        let (placed, came) = self.on_frame_thread(move |heads, record, release| {
+        let (placed, came) = self.on_frame_thread(move |heads, receiver, record, release| {
             // Before the next slot, even when that slot is overdue: a replay places it there again.
             let came = clock.now().min(release - Span::from_ns(1));
-            let frames = heads.iter_mut().filter_map(|head| head.faults.as_deref_mut()).collect();
+            let frames = heads.iter_mut().map(|head| &mut head.faults).collect();
             let placed = lock(&desk).place(&event, came, frames);
             placed.note.into_iter().for_each(|note| record.ledger.note(note));
-            for HeadParts { engine, receiver, faults } in heads {
-                make_ready(&event, engine, receiver, faults.as_deref_mut())?;
-            }
+            make_ready(&event, heads.iter_mut().map(|head| &mut **head), receiver)?;
             Ok::<_, RunError>((placed, came))
         })??;
         let zero = attached.times.zero;

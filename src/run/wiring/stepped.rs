@@ -6,41 +6,29 @@
 //! `tests/closed_loop/pixels.rs`, `campaign.rs`, `control.rs`.
 
 use crate::runtime::exposing::Exposing;
-use crate::runtime::ledger::{Event as LedgerEvent, EventKind};
-use crate::runtime::virtual_time::{Head, VirtualLoop, World, last_release};
-use crate::runtime::{Ledger, PlantSample, PortReading, RunError, RunParams, RunRecord, TrackerOutput, lines_of_head};
+use crate::runtime::virtual_time::{VirtualLoop, World, last_release};
+use crate::runtime::{Head, Ledger, PlantSample, PortReading, RunError, RunRecord, TrackerOutput};
 use crate::wiring::assemble::{Outputs, Run, RunOptions};
-use crate::wiring::fault_desk::{FaultDesk, make_ready};
-use crate::wiring::run_end::{Flown, LoopView, RunEnd, keep_first, losses};
+use crate::wiring::fault_desk::{lock, make_ready};
+use crate::wiring::run_end::{Flown, LoopView, RunEnd};
 use crate::wiring::verdict::{CutShort, Facts, Promise, limits, verdict};
 use crate::wiring::{
-    error::LoopError, far_side::FarSide, faults::FaultLine, heads::RunHead, outside_trackers::outside_trackers,
-    ports::Cable, run_clock::RunClock, run_times::RunTimes, taps::Taps, tracker_outs::TrackerOuts,
+    error::LoopError, far_side::FarSide, faults::FaultLine, landing::Landing, outside_trackers::outside_trackers,
+    run_clock::RunClock, run_times::RunTimes,
 };
-use base::axes::{Body, Rotation, Sensor};
-use base::clock::{Clock, Virtual};
-use base::time::{Span, Tai};
+use base::time::Tai;
 use config::{Event, Plant, Scenario};
 use core::cell::RefCell;
 use frames::report::{FrameEnd, Losses};
 use frames::sink::{SentFrame, Sink};
 use plan::attitude::{EstimatedAttitude, state_at};
-use std::sync::Arc;
 use testbed::vehicle::{HeadReport, TelemetryRow, Vehicle};
 
 /// A run on the virtual clock.
 pub struct SteppedRun {
-    clock: Arc<Virtual>,
-    going: VirtualLoop,
-    heads: Vec<RunHead>,
-    cable: Cable,
-    far: RefCell<FarSide>,
-    outs: RefCell<TrackerOuts>,
-    desk: FaultDesk,
-    taps: Taps,
-    mounting: Rotation<Sensor, Body>,
-    times: RunTimes,
-    is_outside: bool,
+    pub(super) run: Run,
+    pub(super) going: VirtualLoop,
+    pub(super) far: RefCell<FarSide>,
     promise: Promise,
     cut_short: Option<CutShort>,
 }
@@ -63,18 +51,14 @@ impl SteppedRun {
             return Err(anyhow::anyhow!("the real clock cannot be stepped; wanted the virtual clock").into());
         };
         let mut far = run.far_side()?;
-        let mut going = VirtualLoop::new(Arc::clone(&clock));
+        let mut going = VirtualLoop::new(clock);
         for note in run.place_events(&mut far)? {
-            going.record_mut().ledger.note(note);
+            going.record.ledger.note(note);
         }
-        let Run { scenario, times, heads, desk, taps, cable, outs, .. } = run;
-        going.set_trackers(outside_trackers(&scenario, times.start)?);
-        let cable = cable.ok_or_else(|| anyhow::anyhow!("a run without a cable"))?;
-        let (mounting, is_outside) = (scenario.bench.sensor_from_body, scenario.plant == Plant::Outside);
-        let (far, outs) = (RefCell::new(far), RefCell::new(outs));
-        let (promise, cut_short) = (Promise::of(&scenario, &heads), None);
-        going.record_mut().limits = limits(&scenario);
-        Ok(Self { clock, going, heads, cable, far, outs, desk, taps, mounting, times, is_outside, promise, cut_short })
+        going.trackers = outside_trackers(&run.scenario, run.times.start)?;
+        going.record.limits = limits(&run.scenario);
+        let (far, promise) = (RefCell::new(far), Promise::of(&run.scenario, &run.heads));
+        Ok(Self { run, going, far, promise, cut_short: None })
     }
 
     /// Calls `on_row` with every row of telemetry from here on.
@@ -87,32 +71,23 @@ impl SteppedRun {
     /// # Errors
     /// When it names a head or wheel that does not exist.
     pub fn inject(&mut self, event: &Event) -> Result<(), LoopError> {
-        self.desk.check(event)?;
-        let frames = self.heads.iter_mut().map(|head| &mut head.faults).collect();
-        let placed = self.desk.place(event, self.clock.now(), frames);
+        let now = self.now();
+        let Run { desk, heads, receiver, taps, times, .. } = &mut self.run;
+        let mut desk = lock(desk);
+        desk.check(event)?;
+        let placed = desk.place(event, now, heads.iter_mut().map(|head| &mut head.faults).collect());
         if let Some(note) = placed.note {
-            self.going.record_mut().ledger.note(note);
+            self.going.record.ledger.note(note);
         }
-        for head in &mut self.heads {
-            make_ready(event, &mut head.engine, &mut head.receiver, Some(&mut head.faults))?;
+        make_ready(event, heads.iter_mut(), receiver)?;
+        if let Some(recording) = &taps.recording {
+            recording.note_injected(&placed.event, now - times.zero);
         }
-        if let Some(recording) = &self.taps.recording {
-            recording.note_injected(&placed.event, self.clock.now() - self.times.zero);
-        }
-        self.far.get_mut().take_event(placed, self.times.zero);
+        self.far.get_mut().take_event(placed, times.zero);
         Ok(())
     }
 
-    /// Makes the flight computer fire a trigger over the bus, to act at `at` or on arrival.
-    ///
-    /// # Errors
-    /// When too many wait to be sent, or the instant is more than an hour away.
-    pub fn send_trigger(&mut self, number: u16, at: Option<Tai>) -> Result<(), LoopError> {
-        let now = self.clock.now();
-        self.far.get_mut().send_trigger(number, at, now)
-    }
-
-    /// Accepts samples of an external plant, of any instants that have not passed: each reaches the receivers at its
+    /// Accepts samples of an external plant, of any instants that have not passed: each reaches the receiver at its
     /// own instant, so that batches of any size give the same frames. All of a list are accepted or none; refusals are
     /// counted.
     ///
@@ -120,13 +95,13 @@ impl SteppedRun {
     /// When the plant is internal, or a sample is bad.
     pub fn take_plant(&mut self, samples: &[PlantSample]) -> Result<(), LoopError> {
         let refuse = |why: String| LoopError::Event { what: "plant", why };
-        if !self.is_outside {
+        if self.run.scenario.plant != Plant::Outside {
             let why = "the spacecraft is moved inside the program; wanted a bench with plant.kind = \"outside\"";
             return Err(refuse(why.into()));
         }
-        let (zero, now) = (self.times.zero, self.now());
+        let (zero, now) = (self.run.times.zero, self.now());
         let put = self.going.put_plant(samples);
-        if let (Ok(()), Some(recording)) = (&put, &self.taps.recording) {
+        if let (Ok(()), Some(recording)) = (&put, &self.run.taps.recording) {
             recording.samples().into_iter().for_each(|tap| tap.note(samples, now));
         }
         put.map_err(|(place, why)| {
@@ -136,21 +111,10 @@ impl SteppedRun {
         })
     }
 
-    /// Counts a list of samples that could not be read.
-    pub(super) fn note_bad_samples(&mut self) {
-        let now = self.now();
-        self.going.record_mut().ledger.note(LedgerEvent::new(EventKind::SampleRefused, now, None, Span::ZERO));
-    }
-
-    /// Returns true when the plant is external.
-    pub fn is_outside(&self) -> bool {
-        self.is_outside
-    }
-
     /// Returns the number of samples of an external plant that wait for their instants, and the instant of the last
     /// attitude among them.
     pub fn plant_waiting(&self) -> (usize, Option<Tai>) {
-        (self.going.plant().len(), self.going.plant().last_attitude_at())
+        (self.going.plant.len(), self.going.plant.last_attitude_at())
     }
 
     /// Returns the output of a head's built-in tracker for the newest frame that it has processed; `None` before the
@@ -159,7 +123,7 @@ impl SteppedRun {
     /// # Errors
     /// When the head has no tracker.
     pub fn tracker_output(&self, head: usize) -> Result<Option<TrackerOutput>, LoopError> {
-        if let Some(tracker) = self.going.tracker(head) {
+        if let Some(tracker) = self.going.trackers.get(head).and_then(Option::as_ref) {
             return Ok(tracker.output(self.now()));
         }
         let of_report = |report: &HeadReport| {
@@ -168,7 +132,7 @@ impl SteppedRun {
         };
         let found = self.with_vehicle(|vehicle| vehicle.head_reports().nth(head).map(of_report)).flatten();
         found.ok_or_else(|| {
-            let heads = self.heads.len();
+            let heads = self.run.heads.len();
             let why = format!(
                 "head {head} of {heads} has no tracker inside; wanted a head below {heads}, and [plant.tracker] with a plant \
                  outside, or a spacecraft"
@@ -182,24 +146,13 @@ impl SteppedRun {
     /// # Errors
     /// When no sample is near: before the first one, or before the kept ones.
     pub fn attitude_at(&self, at: Tai) -> Result<EstimatedAttitude, LoopError> {
-        let receiver = &self.heads[0].receiver;
-        let estimated = state_at(receiver.history(), at, &receiver.params().estimate);
+        let estimated = state_at(self.run.receiver.history(), at, &self.run.receiver.params().estimate);
         estimated.map_err(|error| LoopError::Parts(error.into()))
     }
 
-    /// Returns the time from one frame to the next.
-    pub fn frame_period(&self) -> Span {
-        self.params().frame_period
-    }
-
-    /// Returns the time of the first exposure, which is time zero of the scenario.
-    pub fn zero(&self) -> Tai {
-        self.times.zero
-    }
-
-    /// Returns the end of the last frame's period.
-    pub fn end_at(&self) -> Tai {
-        self.times.end
+    /// Returns the instants of the run.
+    pub fn times(&self) -> RunTimes {
+        self.run.times
     }
 
     /// Returns the simulated time.
@@ -209,14 +162,14 @@ impl SteppedRun {
 
     /// Returns counts and events so far.
     pub fn record(&self) -> &RunRecord {
-        self.going.record()
+        &self.going.record
     }
 
     /// Returns every fault so far with the number of packets, frames or times it hit.
     pub fn faults(&self) -> Vec<FaultLine> {
         let far = self.far.borrow();
-        let frames = self.heads.iter().map(|head| &head.faults).collect();
-        self.desk.lines(frames, &|number| far.hits_aboard(number))
+        let frames = self.run.heads.iter().map(|head| &head.faults).collect();
+        lock(&self.run.desk).lines(frames, &|number| far.hits_aboard(number))
     }
 
     /// Calls `look` with the vehicle, if there is one.
@@ -233,53 +186,27 @@ impl SteppedRun {
         self.far.get_mut().vehicle_mut().map(|vehicle| act(vehicle, now)).ok_or(LoopError::NothingFlown)
     }
 
-    /// Returns the mounting of the first head.
-    pub fn mounting(&self) -> Rotation<Sensor, Body> {
-        self.mounting
-    }
-
-    /// Returns the mounting of a head; of the first one when the head does not exist.
-    pub fn mounting_of(&self, head: usize) -> Rotation<Sensor, Body> {
-        self.heads.get(head).map_or(self.mounting, |head| head.mounting)
-    }
-
-    /// Returns when the next known frame goes out; `None` when there is none.
-    pub fn next_frame_out(&self) -> Option<Tai> {
-        let next = self.heads[0].engine.exposing().next().slot().map(|slot| slot.due);
-        self.going.next_out().into_iter().chain(next).min().filter(|at| *at > self.now())
-    }
-
-    /// Returns the largest number of frames of the first head in the whole run: that of the frame rate, until its
-    /// camera is commanded.
-    pub fn frames_at_most(&self) -> u64 {
-        let engine = &self.heads[0].engine;
-        if engine.exposing().is_commanded() { u64::MAX } else { u64::from(engine.params().frames) }
-    }
-
-    /// Calls `act` with the exposures of a head and the run's time.
+    /// Calls `act` with the exposures of a head.
     ///
     /// # Errors
     /// When the head does not exist.
     pub fn with_exposing<T>(
         &mut self,
         head: usize,
-        act: impl FnOnce(&mut Exposing, &mut Ledger, Tai) -> T,
+        act: impl FnOnce(&mut Exposing, &mut Ledger) -> T,
     ) -> Result<T, LoopError> {
-        let (heads, now) = (self.heads.len(), self.now());
+        let heads = self.run.heads.len();
         let no_head =
             || LoopError::Event { what: "camera", why: format!("head is {head}; there are {heads}, counted from 0") };
-        let head = self.heads.get_mut(head).ok_or_else(no_head)?;
-        Ok(act(head.engine.exposing_mut(), &mut self.going.record_mut().ledger, now))
-    }
-
-    /// Returns the exposures of a head.
-    pub fn exposing(&self, head: usize) -> Option<&Exposing> {
-        self.heads.get(head).map(|head| head.engine.exposing())
+        let head = self.run.heads.get_mut(head).ok_or_else(no_head)?;
+        Ok(act(head.engine.exposing_mut(), &mut self.going.record.ledger))
     }
 
     /// Returns true when the last frame is out.
     pub fn is_finished(&self) -> bool {
-        self.now() >= self.last_release() && self.going.on_the_way().0 == 0 && self.is_drawn()
+        let is_drawn = |head: &Head| head.engine.exposing().next().is_over(self.now());
+        let is_out = self.now() >= self.last_release() && self.going.on_the_way().0 == 0;
+        is_out && self.run.heads.iter().all(is_drawn)
     }
 
     /// Advances simulated time to `at`, and processes everything that is due by then; it stops at the end of the run,
@@ -298,34 +225,30 @@ impl SteppedRun {
         // Everything is drawn: the run is over when the last frame is out, even if other events would follow.
         match self.going.on_the_way() {
             _ if at < drawn => Ok(()),
-            (_, Some(last_out)) if at < last_out && at < self.times.end => {
+            (_, Some(last_out)) if at < last_out && at < self.run.times.end => {
                 self.go(on_frame, |going, heads, world| going.advance_to(at, heads, world))
             }
             _ => self.run_to_end(on_frame),
         }
     }
 
-    /// Returns true when no head has a frame left to draw.
-    fn is_drawn(&self) -> bool {
-        self.heads.iter().all(|head| head.engine.exposing().next().is_over(self.now()))
-    }
-
     /// Returns when the last frame of the run will have been drawn, as known now.
     fn last_release(&self) -> Tai {
-        self.heads.iter().map(|head| last_release(&head.engine)).max().unwrap_or(self.times.end)
+        self.run.heads.iter().map(|head| last_release(&head.engine)).max().unwrap_or(self.run.times.end)
     }
 
     /// Calls `look` with the present results of the run; the caller supplies the frames' CRC-32 of each head.
     pub fn look<T>(&self, frames_crc32: Vec<u32>, look: impl FnOnce(&LoopView<'_>) -> T) -> T {
         let far = self.far.borrow();
         let assessment = far.witness.assessment();
-        let flown = Flown::of(far.vehicle(), assessment, self.params());
+        let flown = Flown::of(far.vehicle(), assessment, self.run.heads[0].engine.params());
         let facts = Facts {
             record: self.record(),
-            heads: &self.heads,
+            heads: &self.run.heads,
+            receiver: &self.run.receiver,
             ports: &self.readings(),
             losses: &Losses::default(),
-            zero: self.times.zero,
+            zero: self.run.times.zero,
             // Until it ends, nothing is missing that has not come up.
             cut_short: (!self.is_finished()).then_some(CutShort::Finished),
             failure: assessment.first_failure(flown.predicted_pointing_arcsec(), self.record()),
@@ -342,14 +265,9 @@ impl SteppedRun {
         })
     }
 
-    /// Returns parameters of the first head.
-    fn params(&self) -> &RunParams {
-        self.heads[0].engine.params()
-    }
-
     /// Returns the time since the first exposure, s; the last frame's readout is not counted.
     fn simulated_s(&self) -> f64 {
-        let RunTimes { zero, end, .. } = self.times;
+        let RunTimes { zero, end, .. } = self.run.times;
         let until = if self.is_finished() { end } else { self.now().min(end) };
         (until - zero).s().max(0.0)
     }
@@ -385,89 +303,39 @@ impl SteppedRun {
     }
 
     fn readings(&self) -> Vec<PortReading> {
-        self.cable.near.iter().map(|port| PortReading::of(port, 0)).collect()
+        self.run.cable.iter().flat_map(|cable| &cable.near).map(|port| PortReading::of(port, 0)).collect()
     }
 
     /// Ends the run, which `error` cut short if there is one: finishes the sinks, and sums up telemetry and invariants.
-    pub fn end(mut self, mut error: Option<LoopError>) -> RunEnd {
-        self.outs.get_mut().finish();
-        let faults = self.faults();
-        let (mut summaries, mut sink_lines) = (Vec::with_capacity(self.heads.len()), Vec::new());
-        let heads = self.heads.len();
-        for (number, head) in self.heads.iter_mut().enumerate() {
-            let finished = head.sink.finish();
-            self.going.note_losses(&mut *head.sink);
-            let summary = match finished {
-                Ok(summary) => Some(summary),
-                Err(finishing) => {
-                    keep_first(&mut error, Some(finishing.into()));
-                    None
-                }
-            };
-            sink_lines.extend(lines_of_head(number, heads, frames::sink::sink_lines(&*head.sink, summary.as_ref())));
-            summaries.push(summary);
-        }
+    pub fn end(mut self, error: Option<LoopError>) -> RunEnd {
+        self.run.outs.finish();
         let (now, simulated_s, was_over) = (self.now(), self.simulated_s(), self.is_finished());
-        let flown = {
-            let far = self.far.borrow();
-            Flown::of(far.vehicle(), far.witness.assessment(), self.params())
-        };
         let ports = self.readings();
-        let is_asked = self.cut_short == Some(CutShort::Finished);
-        let record = self.going.into_record(if is_asked { FrameEnd::Commanded } else { FrameEnd::Dropped });
-        let far = self.far.into_inner();
-        let assessment = far.witness.finish(&record, &faults, now);
-        let mut end = RunEnd {
-            times: self.times,
-            heads: self.heads,
-            losses: losses(&sink_lines, &record),
-            record,
-            ports,
-            summaries,
-            sink_lines,
-            gateways: self.cable.gateway_rows(),
-            hygiene: Vec::new(),
-            assessment,
-            faults,
-            flown,
-            simulated_s,
-            promise: self.promise,
-            was_over,
-            cut_short: self.cut_short,
-            error,
-        };
-        self.taps.finish(&mut end, now);
-        end
+        let Self { mut run, going, far, promise, cut_short, .. } = self;
+        let is_asked = cut_short == Some(CutShort::Finished);
+        let on_the_way = if is_asked { FrameEnd::Commanded } else { FrameEnd::Dropped };
+        let outcome = going.end(&mut run.heads, ports, on_the_way);
+        run.end(Landing { outcome, far: far.into_inner(), promise, cut_short, was_over, now, simulated_s, error })
     }
 
     fn go(
         &mut self,
         on_frame: &mut dyn FnMut(usize, &mut SentFrame, &RunRecord) -> bool,
-        advance: impl FnOnce(&mut VirtualLoop, &mut [Head<'_>], &mut World<'_>) -> Result<(), RunError>,
+        advance: impl FnOnce(&mut VirtualLoop, &mut [Head], &mut World<'_>) -> Result<(), RunError>,
     ) -> Result<(), LoopError> {
-        let Self { going, heads, cable, far, outs, .. } = self;
-        let (far, outs) = (&*far, &*outs);
-        let no_port = || LoopError::Parts(anyhow::anyhow!("a run without a port"));
-        let port = cable.near.first_mut().ok_or_else(no_port)?;
-        let mut heads: Vec<Head<'_>> = heads
-            .iter_mut()
-            .map(|head| Head {
-                engine: &mut head.engine,
-                receiver: &mut head.receiver,
-                sink: &mut *head.sink,
-                faults: Some(&mut head.faults),
-            })
-            .collect();
+        let Self { run: Run { heads, receiver, cable, outs, .. }, going, far, .. } = self;
+        let (far, port) = (&*far, cable.as_mut().and_then(|cable| cable.near.first_mut()));
+        let port = port.ok_or_else(|| anyhow::anyhow!("a run without a port"))?;
         let mut far_end = |now: Tai| {
             let far_due = far.borrow_mut().step(now)?;
-            let out_due = outs.borrow_mut().step(now);
+            let out_due = outs.step(now);
             Ok(out_due.map_or(far_due, |due| due.min(far_due)))
         };
         let mut progress = |head: usize, frame: &mut SentFrame, record: &RunRecord| {
             far.borrow_mut().witness_frame(head, &frame.meta);
             on_frame(head, frame, record)
         };
-        advance(going, &mut heads, &mut World { port, far_end: &mut far_end, progress: &mut progress })?;
+        advance(going, heads, &mut World { port, receiver, far_end: &mut far_end, progress: &mut progress })?;
         Ok(())
     }
 }

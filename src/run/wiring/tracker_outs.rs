@@ -3,12 +3,13 @@
 //! In two steps, as a run is put together: taps around the sinks first, then, when the run connects and its clock runs,
 //! the lines, the threads of the real clock, or the list that the virtual clock's loop steps.
 
+use crate::runtime::Head;
 use crate::runtime::tracker_out::{
     Damage, DamageKind, OutShared, OutThread, Outlet, OutletError, TapParts, Telemeter, TelemeterParams, TrackerEyes,
     UdpParams, tracker_tap,
 };
 use crate::wiring::vehicle_parts::{exposed_light, tracker_params};
-use crate::wiring::{error::LoopError, heads::RunHead, run_clock::RunClock, run_times::RunTimes};
+use crate::wiring::{error::LoopError, run_clock::RunClock, run_times::RunTimes};
 use base::time::{Span, Tai};
 use base::{clock::Clock, refused::Refused};
 use config::{Scenario, TrackerLine, TrackerOut, TrackerOutFault, TrackerOutFaultKind, TrackerProtocol, TrackerSource};
@@ -91,7 +92,7 @@ fn line_name(line: &TrackerLine) -> String {
 /// Puts the trackers of a scenario beside the sinks of their heads; `folder` is the run's.
 pub(super) fn tap_heads(
     scenario: &Scenario,
-    heads: &mut [RunHead],
+    heads: &mut [Head],
     start: Tai,
     folder: Option<&Path>,
 ) -> Result<Vec<WaitingOut>, LoopError> {

@@ -1,6 +1,6 @@
 //! The GPIO lines of a bench -> chips to listen to, and heads that wait for their edges.
 
-use crate::{runtime::edge_thread::TriggerChip, runtime::ledger::Ledger, wiring::heads::RunHead};
+use crate::runtime::{Head, Ledger, edge_thread::TriggerChip};
 use anyhow::{Context, Result, bail};
 use base::clock::{Clock, PairedReading};
 use config::{Bench, TriggerLine};
@@ -29,7 +29,7 @@ pub(super) fn open_chips(bench: &Bench, clock: &dyn Clock) -> Result<Vec<Trigger
 ///
 /// # Errors
 /// When a line triggers a head that the run does not have, or one that cannot be commanded.
-pub(super) fn arm(bench: &Bench, heads: &mut [RunHead]) -> Result<()> {
+pub(super) fn arm(bench: &Bench, heads: &mut [Head]) -> Result<()> {
     let count = heads.len();
     for (place, line) in bench.trigger_lines.iter().enumerate() {
         if let Some(head) = line.head.filter(|head| *head >= count) {

@@ -5,8 +5,7 @@
 //! Tests: `tests/closed_loop/verdicts.rs`, `hil_scripts/test_broken_benches.py`.
 
 use crate::runtime::run_word::{Missing, missing};
-use crate::runtime::{EventKind, PortReading, RunRecord};
-use crate::{runtime::exposing::Exposing, wiring::heads::RunHead};
+use crate::runtime::{EventKind, Head, PortReading, RunRecord, exposing::Exposing, receiver::Receiver};
 use base::time::Tai;
 use config::{Bench, Carrier, GatewayPorts, Link, Scenario, SessionStart, Wire};
 use frames::report::{FrameAccount, FrameEnd, Losses, Reason, RunLimits, RunVerdict, RunWord};
@@ -40,7 +39,7 @@ pub struct Promise {
 
 impl Promise {
     /// Returns the promise of a scenario with these heads.
-    pub(super) fn of(scenario: &Scenario, heads: &[RunHead]) -> Self {
+    pub(super) fn of(scenario: &Scenario, heads: &[Head]) -> Self {
         let bench = &scenario.bench;
         let frames = heads.iter().enumerate().map(|(number, head)| {
             let is_triggered =
@@ -118,7 +117,8 @@ fn advice(bench: &Bench) -> &'static str {
 /// Inputs of a verdict beside the promise.
 pub(super) struct Facts<'a> {
     pub(super) record: &'a RunRecord,
-    pub(super) heads: &'a [RunHead],
+    pub(super) heads: &'a [Head],
+    pub(super) receiver: &'a Receiver,
     pub(super) ports: &'a [PortReading],
     pub(super) losses: &'a Losses,
     pub(super) zero: Tai,
@@ -166,7 +166,7 @@ pub(super) fn verdict(promise: &Promise, facts: &Facts<'_>) -> RunVerdict {
 
 /// A run without a single attitude from outside is never `ok`, whatever its limits.
 fn add_silence(verdict: &mut RunVerdict, promise: &Promise, facts: &Facts<'_>) {
-    let accepted: u64 = facts.heads.first().map_or(0, |head| head.receiver.history().counts().accepted);
+    let accepted = facts.receiver.history().counts().accepted;
     let was_due = facts.record.account.scheduled() > 0;
     if promise.is_external && accepted == 0 && was_due {
         let refused: u64 = facts.ports.iter().map(PortReading::refused_messages).sum();

@@ -11,6 +11,7 @@
 
 use crate::{runtime::RunRecord, wiring::assessment::Assessment, wiring::faults::FaultLine};
 use base::axes::{Body, COMPUTED_NORM_TOLERANCE, Icrf, Rotation, Sensor};
+use base::drawn::PathOrigin;
 use base::time::{Span, Tai};
 use base::units::ARCSEC;
 use config::Scenario;
@@ -102,7 +103,7 @@ impl Witness {
     /// Compares one frame that went out with the true attitude (and rate, rad/s) at its mid-exposure.
     pub fn take_frame(&mut self, head: usize, meta: &FrameMeta, truth: Option<(Rotation<Body, Icrf>, f64)>) {
         // A fault's flag comes from the injector: only the stimulator's own report excuses a frame.
-        let is_reported = meta.origin != "interpolated";
+        let is_reported = meta.origin != PathOrigin::Interpolated;
         let (Some((body_from_icrf, rate_rad_s)), Some(mounting)) = (truth, self.heads.get(head)) else {
             return self.assessment.note_unchecked();
         };

@@ -156,12 +156,12 @@ pub const TABLE: &[Row] = &[
         .csv(&[Column("backend", Plain)])
         .live(&[Key("backend", Plain)])
         .control_meta(&[Key("backend", Plain)]),
-    row("method", Kind::Text, "", "Smear method", |f| Fact::Text(f.meta.method))
+    row("method", Kind::Text, "", "Smear method", |f| Fact::Text(f.meta.method.name()))
         .fits(Part::Making, &[Card("METHOD", Plain, "smear method")])
         .csv(&[Column("method", Plain)])
         .live(&[Key("method", Plain)])
         .control_meta(&[Key("method", Plain)]),
-    row("rung", Kind::Text, "", "How far the frame was degraded to be ready in time; `full`: not at all", |f| Fact::Text(f.meta.degradation))
+    row("rung", Kind::Text, "", "How far the frame was degraded to be ready in time; `full`: not at all", |f| Fact::Text(f.meta.degradation.name()))
         .fits(Part::Making, &[Card("RUNG", Plain, "degraded so far to be in time")])
         .csv(&[Column("rung", Plain)])
         .chunk(&[feature(21, "ChunkRung", Text, Plain, "", "How far the frame was degraded to be ready in time; full: not at all")])
@@ -181,7 +181,7 @@ pub const TABLE: &[Row] = &[
     row("overlap_lost_e", Kind::Real, "e-", "Electrons lost where targets cover stars", |f| Fact::Real(f.meta.overlap_lost_e))
         .fits(Part::Making, &[Card("OVLOSTE", Plain, "[e-] lost where targets cover stars")])
         .csv(&[Column("overlap_lost_e", Plain)]),
-    row("origin", Kind::Text, "", "Where the attitude came from: measured, predicted, held", |f| Fact::Text(f.meta.origin))
+    row("origin", Kind::Text, "", "Where the attitude came from: measured, predicted, held", |f| Fact::Text(f.meta.origin.name()))
         .fits(Part::Making, &[Card("ORIGIN", Plain, "of the attitude")])
         .csv(&[Column("origin", Plain)])
         .chunk(&[feature(20, "ChunkAttitudeOrigin", Text, Plain, "", "Where the attitude came from: measured, predicted, held")])

@@ -1,25 +1,18 @@
-//! Answers of a closed loop to each request: times in seconds after the first exposure, angles in deg or rad as named.
+//! Answers to each request: times in seconds after the first exposure, angles in deg or rad as named.
+//!
+//! [`answer`] is the one table of requests, for both clocks; [`Controlled`] is what it needs of a run. Answers of one
+//! clock only are in `stepped` and `steered`.
 
-use crate::wiring::control::protocol::{PROTOCOL_VERSION, REQUESTS, StepBy};
-use crate::wiring::{assessment::mode_name, control::samples::SampleList, error::LoopError, stepped::SteppedRun};
-use crate::{runtime::TrackerOutput, runtime::engine::origin_name};
+use crate::runtime::{Ledger, exposing::Exposing};
+use crate::wiring::control::protocol::{PROTOCOL_VERSION, REQUESTS, Request, StepBy};
+use crate::wiring::{assessment::mode_name, control::samples::SampleList, error::LoopError, far_side::FarSide};
 use base::axes::{Body, Icrf, Rotation, Sensor, ra_dec_roll};
 use base::time::{Span, Tai};
 use config::{Event, Scenario};
 use frames::report::RunNumbers;
 use serde_json::{Map, Value, json};
-use testbed::acs::Mode;
 use testbed::tracker::{Mode as TrackerMode, Outcome, Solution};
 use testbed::vehicle::{HeadReport, Vehicle};
-
-/// Goal of a step.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Goal {
-    /// Up to this instant.
-    Time(Tai),
-    /// Until the first head has sent this many frames in total.
-    Frames(u64),
-}
 
 /// The instants of a run under way.
 #[derive(Debug, Clone, Copy)]
@@ -30,11 +23,6 @@ pub(super) struct Instants {
 }
 
 impl Instants {
-    /// Returns the instants of a run on the virtual clock.
-    pub(super) fn of(going: &SteppedRun) -> Self {
-        Self { zero: going.zero(), now: going.now(), end: going.end_at() }
-    }
-
     /// Returns seconds after the first exposure.
     pub(super) fn s(&self, at: Tai) -> f64 {
         (at - self.zero).s()
@@ -43,17 +31,161 @@ impl Instants {
     pub(super) fn now_s(&self) -> f64 {
         self.s(self.now)
     }
+
+    /// Returns the time of a request, which may name none: then it is now.
+    pub(super) fn at(&self, at_s: Option<f64>) -> Tai {
+        at_s.map_or(self.now, |at_s| self.zero + Span::from_s(at_s))
+    }
+}
+
+/// An answer, or why there is none.
+pub(super) type Answer<T = Value> = Result<T, Refusal>;
+
+/// A run as its client sees it, on either clock.
+pub(super) trait Controlled {
+    /// Name of its clock.
+    const CLOCK: &'static str;
+
+    /// Returns the scenario of the run.
+    fn scenario(&self) -> &Scenario;
+
+    /// Returns true when a client that has been silent for `waited` is not waited for any longer.
+    fn is_over(&self, waited: Span) -> bool;
+
+    /// Returns true when the session ends although its client goes on.
+    fn is_interrupted(&self) -> bool {
+        false
+    }
+
+    /// Returns true when the session may end without `finish` as with it.
+    fn is_whole(&self) -> bool {
+        false
+    }
+
+    /// Waits until the run has begun.
+    fn await_begin(&self) {}
+
+    /// Returns the instants of the run.
+    fn instants(&self) -> Answer<Instants>;
+
+    /// Returns instants and counts so far, and whether the run has ended.
+    fn so_far(&self) -> Answer<(Instants, RunNumbers, bool)>;
+
+    /// Acts on the far end of the cable, between two of its steps.
+    fn on_far_side<T: Send + 'static>(&mut self, act: impl FnOnce(&mut FarSide) -> T + Send + 'static) -> Answer<T>;
+
+    /// Acts on the exposures of a head, between two of its slots.
+    fn on_exposing<T: Send + 'static>(
+        &mut self,
+        head: usize,
+        act: impl FnOnce(&mut Exposing, &mut Ledger) -> T + Send + 'static,
+    ) -> Answer<T>;
+
+    /// Adds an event; returns when it begins, s.
+    fn inject(&mut self, event: &Event) -> Answer<f64>;
+
+    /// Fires a trigger.
+    fn fire(&mut self, number: u16, at: Option<Tai>) -> Answer<()>;
+
+    /// Queues samples of an external plant.
+    fn take_samples(&mut self, samples: &SampleList) -> Answer;
+
+    /// Counts a list of samples that could not be read.
+    fn note_bad_samples(&mut self) -> Answer<()>;
+
+    /// Returns the newest frame of a head.
+    fn frame(&self, head: usize, path: Option<&str>, pixels: bool) -> Answer;
+
+    /// Returns the attitude that frames are drawn with according to an external plant; `None` where the true one is
+    /// known here.
+    fn received_truth(&self, _at_s: Option<f64>) -> Option<Answer> {
+        None
+    }
+
+    /// Advances the clock.
+    fn step(&mut self, _by: StepBy) -> Answer {
+        Err(refuse("the real clock cannot be held: ask for state, or run with --clock virtual to step"))
+    }
+
+    /// Returns the output of a head's built-in tracker for the newest frame that it has processed.
+    fn tracker(&self, _head: usize) -> Answer {
+        Err(refuse("the real clock goes on meanwhile: ask for estimate, or run with --clock virtual"))
+    }
+
+    /// Returns the report so far.
+    fn summary(&mut self) -> Answer {
+        Err(refuse("the report is made when the run ends: ask for state, or send finish"))
+    }
+}
+
+/// Reason why a request is not executed.
+pub(super) enum Refusal {
+    /// Something is wrong with the request; the session goes on.
+    Request(String),
+    /// The loop failed.
+    Loop(LoopError),
+}
+
+impl From<String> for Refusal {
+    fn from(why: String) -> Self {
+        Self::Request(why)
+    }
+}
+
+impl From<LoopError> for Refusal {
+    fn from(error: LoopError) -> Self {
+        Self::Request(error.to_string())
+    }
+}
+
+fn refuse(why: &str) -> Refusal {
+    Refusal::Request(why.into())
+}
+
+/// Answers one request.
+pub(super) fn answer(request: Request, run: &mut impl Controlled) -> Answer {
+    match request {
+        Request::Hello { .. } => hello(run),
+        Request::State => state(run),
+        Request::Step(by) => run.step(by),
+        Request::Inject(keys) => inject(&keys, run),
+        Request::Trigger { number, at_s } => trigger(number, at_s, run),
+        Request::Truth { at_s } => truth(at_s, run),
+        Request::Estimate => {
+            let (mounting, instants) = (run.scenario().bench.sensor_from_body, run.instants()?);
+            run.on_far_side(move |far| estimate(far.vehicle(), mounting, &instants))
+        }
+        Request::Frame { head, path, pixels } => run.frame(head, path.as_deref(), pixels),
+        Request::React(reaction) => {
+            let Instants { zero, now, .. } = run.instants()?;
+            Ok(run.on_far_side(move |far| {
+                let vehicle = far.vehicle_mut().ok_or_else(|| LoopError::NothingFlown.to_string())?;
+                reaction.act(vehicle, zero, now)
+            })??)
+        }
+        Request::Tracker { head } => run.tracker(head),
+        Request::Camera(camera) => {
+            let Instants { zero, now, .. } = run.instants()?;
+            Ok(run.on_exposing(camera.head, move |exposing, ledger| camera.act(exposing, ledger, zero, now))??)
+        }
+        Request::BadSamples(why) => run.note_bad_samples().and(Err(Refusal::Request(why))),
+        Request::Plant(samples) => run.take_samples(&samples),
+        Request::Summary => run.summary(),
+        Request::Finish => Ok(Value::Null),
+    }
 }
 
 /// Returns the answer to hello: scenario, protocol and clock of the run.
-pub(super) fn hello(scenario: &Scenario, instants: &Instants, clock: &str) -> Value {
+pub(super) fn hello<R: Controlled>(run: &R) -> Answer {
+    run.await_begin();
+    let (scenario, instants) = (run.scenario(), run.instants()?);
     let (camera, timing) = (&scenario.bench.camera, &scenario.bench.timing);
     let sensor_px = [camera.detector.width_px, camera.detector.height_px].map(|side| side as usize);
     let [width, height] = camera.detector.params.spatial.output(sensor_px).size_px;
-    json!({
+    Ok(json!({
         "protocol": PROTOCOL_VERSION,
         "scenario": scenario.name,
-        "clock": clock,
+        "clock": R::CLOCK,
         "seed": scenario.bench.seed,
         "zero_utc": instants.zero.to_rfc3339(),
         "now_s": instants.now_s(),
@@ -65,11 +197,17 @@ pub(super) fn hello(scenario: &Scenario, instants: &Instants, clock: &str) -> Va
         "height": height,
         "heads": scenario.bench.head_count(),
         "requests": REQUESTS.map(|(name, _)| name),
-    })
+    }))
 }
 
-/// Returns counts so far; `mode` is that of the flight computer if a spacecraft is flown.
-pub(super) fn state(numbers: &RunNumbers, instants: &Instants, mode: Option<Mode>, is_finished: bool) -> Value {
+/// Returns counts so far, and the mode of the flight computer if a spacecraft is flown.
+fn state(run: &mut impl Controlled) -> Answer {
+    let (instants, numbers, is_finished) = run.so_far()?;
+    // A run on the real clock that is over has no far end any more.
+    let mode = match run.on_far_side(|far| far.vehicle().map(Vehicle::mode)) {
+        Err(why) if !is_finished => return Err(why),
+        mode => mode.ok().flatten(),
+    };
     let frames = numbers.frames;
     let events: Map<String, Value> = numbers
         .events
@@ -77,7 +215,7 @@ pub(super) fn state(numbers: &RunNumbers, instants: &Instants, mode: Option<Mode
         .filter(|(_, count)| *count > 0)
         .map(|(name, count)| (name.into(), count.into()))
         .collect();
-    json!({
+    Ok(json!({
         "now_s": instants.now_s(),
         "finished": is_finished,
         "verdict": numbers.word,
@@ -92,100 +230,35 @@ pub(super) fn state(numbers: &RunNumbers, instants: &Instants, mode: Option<Mode
             "blank": frames.blank,
         },
         "events": events,
-    })
+    }))
 }
 
-/// Returns the goal of a step, if it is ahead and not past the end.
-pub(super) fn step_goal(by: StepBy, going: &SteppedRun, frames_out: u64) -> Result<Goal, String> {
-    let (now, end_s) = (going.now(), (going.end_at() - going.zero()).s());
-    if going.is_finished() {
-        return Err(format!("the run has reached its end at {end_s} s; wanted summary or finish"));
-    }
-    let (at, asked) = match by {
-        StepBy::Seconds(s) => (now + Span::from_s(s), format!("s is {s}")),
-        StepBy::Until(until_s) => (going.zero() + Span::from_s(until_s), format!("until_s is {until_s}")),
-        StepBy::Frames(frames) => {
-            let left = going.frames_at_most().saturating_sub(frames_out);
-            let goal = Goal::Frames(frames_out.saturating_add(frames));
-            let refuse = || format!("frames is {frames}; wanted at most the {left} that are left");
-            return (frames <= left).then_some(goal).ok_or_else(refuse);
-        }
-    };
-    // At the end, frames in flight go out by themselves: a run is over at its last readout.
-    if at > going.end_at() {
-        return Err(format!("{asked}, past the end; wanted at most until_s {end_s}, it is {} s now", now_s(going)));
-    }
-    if at <= now {
-        return Err(format!("{asked}; wanted a time after now, which is {} s", now_s(going)));
-    }
-    Ok(Goal::Time(at))
-}
-
-pub(super) fn stepped(going: &SteppedRun, frames_out: u64) -> Value {
-    json!({
-        "now_s": now_s(going),
-        "frames_out": frames_out,
-        "frames_delivered": going.record().frames.delivered,
-        "mode": going.with_vehicle(|vehicle| mode_name(vehicle.mode())),
-        "finished": going.is_finished(),
-    })
-}
-
-pub(super) fn inject(keys: &Map<String, Value>, going: &mut SteppedRun) -> Result<Value, String> {
-    let event = Event::from_json(keys, now_s(going), going.frame_period()).map_err(|error| error.to_string())?;
-    going.inject(&event).map_err(|error| error.to_string())?;
-    let from_s = event.at.s().max(now_s(going));
+fn inject(keys: &Map<String, Value>, run: &mut impl Controlled) -> Answer {
+    let now_s = run.instants()?.now_s();
+    let frame_period = Span::from_s(1.0 / run.scenario().bench.timing.frame_rate_hz);
+    let event = Event::from_json(keys, now_s, frame_period).map_err(|error| error.to_string())?;
+    let from_s = run.inject(&event)?;
     Ok(json!({ "event": event.action.word(), "from_s": from_s, "for_s": event.lasts.s() }))
 }
 
-/// Queues samples of an external plant until their instants.
-pub(super) fn plant(samples: &SampleList, going: &mut SteppedRun) -> Result<Value, String> {
-    let samples = samples.since(going.zero());
-    going.take_plant(&samples).map_err(|error| error.to_string())?;
-    let (waiting, attitude_until) = going.plant_waiting();
-    let attitude_until_s = attitude_until.map(|at| s(at, going));
-    Ok(json!({ "taken": samples.len(), "waiting": waiting, "attitude_until_s": attitude_until_s }))
+/// Fires a trigger; the events in the report show whether the stimulator accepts it.
+fn trigger(number: u16, at_s: Option<f64>, run: &mut impl Controlled) -> Answer {
+    let instants = run.instants()?;
+    run.fire(number, at_s.map(|_| instants.at(at_s)))?;
+    Ok(json!({ "number": number, "at_s": at_s.unwrap_or_else(|| instants.now_s()) }))
 }
 
-/// Returns the attitude that frames of the first head are drawn with, according to the samples of an external plant.
-pub(super) fn received_truth(at_s: Option<f64>, going: &SteppedRun) -> Result<Value, String> {
-    let at = at_s.map_or(going.now(), |at_s| going.zero() + Span::from_s(at_s));
-    if at > going.now() {
-        let (asked, now_s) = (s(at, going), now_s(going));
-        return Err(format!("at_s is {asked} s; wanted a time not after now, which is {now_s} s"));
+/// Returns the attitude of the first head: the true one where it is known here.
+fn truth(at_s: Option<f64>, run: &mut impl Controlled) -> Answer {
+    if let Some(received) = run.received_truth(at_s) {
+        return received;
     }
-    let refuse = |error: LoopError| format!("at_s is {}: {error}", s(at, going));
-    let estimated = going.attitude_at(at).map_err(refuse)?;
-    let mut answer = attitude(&(going.mounting() * estimated.state.body_from_icrf));
-    answer["at_s"] = s(at, going).into();
-    answer["body_rate_rad_s"] = estimated.state.rate_rad_s.to_array().to_vec().into();
-    answer["origin"] = origin_name(estimated.origin).into();
-    Ok(answer)
-}
-
-/// Returns the output of a head's built-in tracker for the newest frame that it has processed.
-pub(super) fn tracker(head: usize, going: &SteppedRun) -> Result<Value, String> {
-    let output = going.tracker_output(head).map_err(|error| error.to_string())?;
-    let Some(TrackerOutput { frame, mid_exposure, outcome }) = output else {
-        return Ok(json!({ "valid": false, "stars": 0, "reason": "no frame yet" }));
-    };
-    let mut answer = match outcome {
-        Outcome::Solved(solution) => {
-            let mut answer = solved(&solution);
-            let body_from_sensor = going.mounting_of(head).inverse();
-            answer["body_from_icrf"] = (body_from_sensor * solution.sensor_from_icrf).wxyz().into();
-            answer["valid"] = true.into();
-            answer
-        }
-        Outcome::NoSolution(reason) => json!({ "valid": false, "stars": 0, "reason": reason.to_string() }),
-    };
-    answer["frame"] = frame.into();
-    answer["mid_exposure_s"] = s(mid_exposure, going).into();
-    Ok(answer)
+    let (mounting, instants) = (run.scenario().bench.sensor_from_body, run.instants()?);
+    Ok(run.on_far_side(move |far| true_attitude(at_s, far.vehicle(), mounting, &instants))??)
 }
 
 /// Returns an attitude that a tracker has found.
-fn solved(solution: &Solution) -> Value {
+pub(super) fn solved(solution: &Solution) -> Value {
     let mut answer = attitude(&solution.sensor_from_icrf);
     answer["stars"] = solution.stars.into();
     answer["residual_rms_px"] = solution.residual_rms_px.into();
@@ -196,15 +269,8 @@ fn solved(solution: &Solution) -> Value {
     answer
 }
 
-/// Sends a trigger over the bus; the events in the report show whether the stimulator accepts it.
-pub(super) fn trigger(number: u16, at_s: Option<f64>, going: &mut SteppedRun) -> Result<Value, String> {
-    let at = at_s.map(|at_s| going.zero() + Span::from_s(at_s));
-    going.send_trigger(number, at).map_err(|error| error.to_string())?;
-    Ok(json!({ "number": number, "at_s": at_s.unwrap_or_else(|| now_s(going)) }))
-}
-
 /// Returns the true attitude of the first head, at most two seconds ago.
-pub(super) fn truth(
+fn true_attitude(
     at_s: Option<f64>,
     vehicle: Option<&Vehicle>,
     mounting: Rotation<Sensor, Body>,
@@ -229,7 +295,7 @@ pub(super) fn truth(
 }
 
 /// Returns the estimate of the internal flight computer; an empty answer without one.
-pub(super) fn estimate(vehicle: Option<&Vehicle>, mounting: Rotation<Sensor, Body>, instants: &Instants) -> Value {
+fn estimate(vehicle: Option<&Vehicle>, mounting: Rotation<Sensor, Body>, instants: &Instants) -> Value {
     let Some(vehicle) = vehicle else { return json!({}) };
     let heads: Vec<Value> = vehicle.head_reports().map(|report| head(report, instants)).collect();
     let estimate = vehicle.estimate().map(|estimate| attitude(&(mounting * estimate)));
@@ -259,7 +325,7 @@ fn head(report: &HeadReport, instants: &Instants) -> Value {
     answer
 }
 
-fn attitude(sensor_from_icrf: &Rotation<Sensor, Icrf>) -> Value {
+pub(super) fn attitude(sensor_from_icrf: &Rotation<Sensor, Icrf>) -> Value {
     let [ra_deg, dec_deg, roll_deg] = ra_dec_roll(sensor_from_icrf).map(f64::to_degrees);
     json!({
         "sensor_from_icrf": sensor_from_icrf.wxyz(),
@@ -267,12 +333,4 @@ fn attitude(sensor_from_icrf: &Rotation<Sensor, Icrf>) -> Value {
         "dec_deg": dec_deg,
         "roll_deg": roll_deg,
     })
-}
-
-fn now_s(going: &SteppedRun) -> f64 {
-    s(going.now(), going)
-}
-
-fn s(at: Tai, going: &SteppedRun) -> f64 {
-    (at - going.zero()).s()
 }

@@ -3,7 +3,8 @@
 //! In: requests as objects of [`super::protocol`]. Out: their answers, and the newest frame of each head itself.
 //! Tests: below.
 
-use super::{NewestFrames, Refusal, Stage, answer, protocol};
+use super::answers::{Refusal, answer};
+use super::{NewestFrames, Stage, protocol};
 use crate::runtime::RunRecord;
 use crate::wiring::run_end::{LoopView, RunEnd};
 use crate::wiring::{assemble::Run, error::LoopError, stepped::SteppedRun};
@@ -45,8 +46,8 @@ impl LocalSession {
         let (scenario, stop) = (&*scenario, AtomicBool::new(false));
         let mut report = |view: &LoopView<'_>| report(scenario, view);
         let progress = &mut |_: usize, _: &SentFrame, _: &RunRecord| {};
-        let mut stage = Stage { scenario, going, report: &mut report, progress, stop: &stop };
-        answer(newest, &request?, &mut stage).map_err(|refusal| match refusal {
+        let mut stage = Stage { scenario, going, newest, report: &mut report, progress, stop: &stop };
+        answer(request?, &mut stage).map_err(|refusal| match refusal {
             Refusal::Request(why) => why,
             Refusal::Loop(error) => format!("the run failed and is over: {error}"),
         })

@@ -1,132 +1,115 @@
-//! Answers about a run on the real clock, which goes on while they are made.
+//! A run on the real clock as its client sees it: it goes on while answers are made.
 //!
-//! Not available: `step`, because the real clock cannot be paused, and `summary`, because the report is made when the
-//! run ends: it comes with the answer to `finish`.
+//! Not available: what [`Controlled`] refuses.
 
-use crate::wiring::control::answers::{self, Instants};
-use crate::wiring::{control::protocol::Request, control::samples::SampleList, error::LoopError, steering::Steering};
-use crate::{runtime::RunRecord, runtime::real_parts::HeadParts};
+use super::answers::{Answer, Controlled, Instants, Refusal};
+use super::samples::SampleList;
+use crate::runtime::{Ledger, exposing::Exposing};
+use crate::wiring::{far_side::FarSide, steering::Steering};
 use base::time::{Span, Tai};
 use config::{Event, Plant, Scenario};
+use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
-use serde_json::{Value, json};
-use testbed::vehicle::Vehicle;
+use frames::report::RunNumbers;
+use serde_json::json;
 
 /// Longest time that an early client waits for the run to start.
 const BEGINS_WITHIN: Duration = Duration::from_secs(30);
 /// Interval at which the start is checked.
 const LOOK: Duration = Duration::from_millis(10);
 
-pub(super) fn hello(scenario: &Scenario, steering: &Steering) -> Result<Value, String> {
-    let mut waited = Duration::ZERO;
-    while !steering.has_begun() && waited < BEGINS_WITHIN {
-        std::thread::sleep(LOOK);
-        waited += LOOK;
-    }
-    Ok(answers::hello(scenario, &instants(steering)?, "real"))
+/// The run that a session steers.
+pub struct Steered<'a> {
+    /// The scenario of the run.
+    pub scenario: &'a Scenario,
+    /// The run.
+    pub steering: &'a Steering,
+    /// Set when the run is over and its client is not waited for any longer.
+    pub over: &'a AtomicBool,
 }
 
-/// Answers one request, or returns why it cannot.
-pub(super) fn answer(request: &Request, scenario: &Scenario, steering: &Steering) -> Result<Value, String> {
-    let mounting = scenario.bench.sensor_from_body;
-    match request {
-        Request::Hello { .. } => hello(scenario, steering),
-        Request::Step(_) => {
-            Err("the real clock cannot be held: ask for state, or run with --clock virtual to step".into())
-        }
-        Request::Summary => Err("the report is made when the run ends: ask for state, or send finish".into()),
-        Request::State => state(steering),
-        Request::Inject(keys) => {
-            let now_s = instants(steering)?.now_s();
-            let frame_period = Span::from_s(1.0 / scenario.bench.timing.frame_rate_hz);
-            let event = Event::from_json(keys, now_s, frame_period).map_err(|error| error.to_string())?;
-            let placed = steering.inject(&event).map_err(|error| error.to_string())?;
-            Ok(json!({ "event": event.action.word(), "from_s": placed.at.s(), "for_s": event.lasts.s() }))
-        }
-        Request::Trigger { number, at_s } => {
-            let instants = instants(steering)?;
-            let at = at_s.map(|at_s| instants.zero + Span::from_s(at_s));
-            let is_outside = scenario.plant == Plant::Outside;
-            steering.trigger(*number, at, is_outside).map_err(|error| error.to_string())?;
-            Ok(json!({ "number": number, "at_s": at_s.unwrap_or_else(|| instants.now_s()) }))
-        }
-        Request::Truth { at_s } => {
-            let (at_s, instants) = (*at_s, instants(steering)?);
-            let look = move |far: &mut crate::wiring::far_side::FarSide| {
-                answers::truth(at_s, far.vehicle(), mounting, &instants)
-            };
-            steering.on_far_end(look).map_err(|error| error.to_string())?
-        }
-        Request::Estimate => {
-            let instants = instants(steering)?;
-            let look =
-                move |far: &mut crate::wiring::far_side::FarSide| answers::estimate(far.vehicle(), mounting, &instants);
-            steering.on_far_end(look).map_err(|error| error.to_string())
-        }
-        Request::React(reaction) => {
-            let (reaction, instants) = (reaction.clone(), instants(steering)?);
-            let act = move |far: &mut crate::wiring::far_side::FarSide| {
-                let vehicle = far.vehicle_mut().ok_or_else(|| LoopError::NothingFlown.to_string())?;
-                reaction.act(vehicle, instants.zero, instants.now)
-            };
-            steering.on_far_end(act).map_err(|error| error.to_string())?
-        }
-        Request::Camera(camera) => {
-            let (camera, instants) = (camera.clone(), instants(steering)?);
-            let heads = scenario.bench.head_count();
-            let act = move |parts: &mut [HeadParts<'_>], record: &mut RunRecord, _release: Tai| {
-                let no_head = || format!("head is {}; there are {heads}, counted from 0", camera.head);
-                let head = parts.get_mut(camera.head).ok_or_else(no_head)?;
-                camera.act(head.engine.exposing_mut(), &mut record.ledger, instants.zero, instants.now)
-            };
-            steering.on_frame_thread(act).map_err(|error| error.to_string())?
-        }
-        Request::Tracker { .. } => {
-            Err("the real clock goes on meanwhile: ask for estimate, or run with --clock virtual".into())
-        }
-        Request::Plant(samples) => plant(samples, scenario, steering),
-        Request::BadSamples(why) => {
-            steering.note_bad_samples().map_err(|error| error.to_string())?;
-            Err(why.clone())
-        }
-        Request::Frame { head, path, pixels } => {
-            let ended = steering.ended().map(|(times, _)| times.zero);
-            let zero = ended.map_or_else(|| instants(steering).map(|instants| instants.zero), Ok)?;
-            steering.newest().answer(*head, path.as_deref(), *pixels, zero)
-        }
-        Request::Finish => Ok(Value::Null),
-    }
-}
+impl Controlled for Steered<'_> {
+    const CLOCK: &'static str = "real";
 
-/// Passes on samples of an external plant; each is used when it comes, by its own instant.
-fn plant(samples: &SampleList, scenario: &Scenario, steering: &Steering) -> Result<Value, String> {
-    if !scenario.bench.is_lockstep() {
-        let why = "the attitudes of this bench come by its link, or from inside; wanted plant.kind = \"outside\" with a \
-                   simulated link without gateways to send samples here";
-        return Err(why.into());
+    fn scenario(&self) -> &Scenario {
+        self.scenario
     }
-    let instants = instants(steering)?;
-    let samples = samples.since(instants.zero);
-    let waiting = steering.send_samples(&samples).map_err(|error| error.to_string())?;
-    let attitudes = samples.iter().filter(|sample| sample.attitude.is_some());
-    let attitude_until_s = attitudes.map(|sample| sample.at).max().map(|at| instants.s(at));
-    Ok(json!({
-        "taken": samples.len(), "waiting": waiting, "attitude_until_s": attitude_until_s, "now_s": instants.now_s(),
-    }))
-}
 
-fn instants(steering: &Steering) -> Result<Instants, String> {
-    let (times, now) = steering.now().map_err(|error| error.to_string())?;
-    Ok(Instants { zero: times.zero, now, end: times.end })
-}
-
-fn state(steering: &Steering) -> Result<Value, String> {
-    if let Some((times, numbers)) = steering.ended() {
-        let instants = Instants { zero: times.zero, now: times.end, end: times.end };
-        return Ok(answers::state(&numbers, &instants, None, true));
+    fn is_over(&self, _waited: Span) -> bool {
+        self.over.load(Ordering::SeqCst)
     }
-    let instants = instants(steering)?;
-    let numbers = steering.numbers().map_err(|error| error.to_string())?;
-    let mode = steering.on_far_end(|far| far.vehicle().map(Vehicle::mode)).map_err(|error| error.to_string())?;
-    Ok(answers::state(&numbers, &instants, mode, false))
+
+    fn await_begin(&self) {
+        let mut waited = Duration::ZERO;
+        while !self.steering.has_begun() && waited < BEGINS_WITHIN {
+            std::thread::sleep(LOOK);
+            waited += LOOK;
+        }
+    }
+
+    fn instants(&self) -> Answer<Instants> {
+        let (times, now) = self.steering.now()?;
+        Ok(Instants { zero: times.zero, now, end: times.end })
+    }
+
+    fn so_far(&self) -> Answer<(Instants, RunNumbers, bool)> {
+        if let Some((times, numbers)) = self.steering.ended() {
+            return Ok((Instants { zero: times.zero, now: times.end, end: times.end }, numbers, true));
+        }
+        let instants = self.instants()?;
+        Ok((instants, self.steering.numbers()?, false))
+    }
+
+    fn on_far_side<T: Send + 'static>(&mut self, act: impl FnOnce(&mut FarSide) -> T + Send + 'static) -> Answer<T> {
+        Ok(self.steering.on_far_end(act)?)
+    }
+
+    fn on_exposing<T: Send + 'static>(
+        &mut self,
+        head: usize,
+        act: impl FnOnce(&mut Exposing, &mut Ledger) -> T + Send + 'static,
+    ) -> Answer<T> {
+        let count = self.scenario.bench.head_count();
+        let done = self.steering.on_frame_thread(move |heads, _receiver, record, _release| {
+            let no_head = || format!("head is {head}; there are {count}, counted from 0");
+            let head = heads.get_mut(head).ok_or_else(no_head)?;
+            Ok::<_, String>(act(head.engine.exposing_mut(), &mut record.ledger))
+        });
+        Ok(done??)
+    }
+
+    fn inject(&mut self, event: &Event) -> Answer<f64> {
+        Ok(self.steering.inject(event)?.at.s())
+    }
+
+    fn fire(&mut self, number: u16, at: Option<Tai>) -> Answer<()> {
+        Ok(self.steering.trigger(number, at, self.scenario.plant == Plant::Outside)?)
+    }
+
+    /// Passes on samples of an external plant; each is used when it comes, by its own instant.
+    fn take_samples(&mut self, samples: &SampleList) -> Answer {
+        if !self.scenario.bench.is_lockstep() {
+            let why = "the attitudes of this bench come by its link, or from inside; wanted plant.kind = \"outside\" with a \
+                       simulated link without gateways to send samples here";
+            return Err(Refusal::Request(why.into()));
+        }
+        let instants = self.instants()?;
+        let samples = samples.since(instants.zero);
+        let waiting = self.steering.send_samples(&samples)?;
+        let attitudes = samples.iter().filter(|sample| sample.attitude.is_some());
+        let attitude_until_s = attitudes.map(|sample| sample.at).max().map(|at| instants.s(at));
+        Ok(json!({
+            "taken": samples.len(), "waiting": waiting, "attitude_until_s": attitude_until_s, "now_s": instants.now_s(),
+        }))
+    }
+
+    fn note_bad_samples(&mut self) -> Answer<()> {
+        Ok(self.steering.note_bad_samples()?)
+    }
+
+    fn frame(&self, head: usize, path: Option<&str>, pixels: bool) -> Answer {
+        let ended = self.steering.ended().map(|(times, _)| times.zero);
+        let zero = ended.map_or_else(|| self.instants().map(|instants| instants.zero), Ok)?;
+        Ok(self.steering.newest().answer(head, path, pixels, zero)?)
+    }
 }

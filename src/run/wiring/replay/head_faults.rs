@@ -5,7 +5,7 @@
 //! that arrived after those faults acted.
 
 use super::ReplayError;
-use crate::runtime::{FrameEngine, frame_faults::FrameFaults, receiver::Receiver};
+use crate::runtime::{Head, frame_faults::FrameFaults, receiver::Receiver};
 use crate::wiring::fault_desk::{FaultDesk, in_order_of_placing, make_ready};
 use base::time::{Span, Tai};
 use config::Event;
@@ -14,7 +14,7 @@ use std::collections::VecDeque;
 /// The faults of one head of several.
 pub(super) struct HeadFaults {
     desk: FaultDesk,
-    /// Faults of every head; only those of the replayed head are prepared.
+    /// Faults of the other heads, which are not prepared; those of the replayed head are its own.
     of_heads: Vec<FrameFaults>,
     head: usize,
     /// Time zero of events.
@@ -35,14 +35,9 @@ impl HeadFaults {
         self.injected.push_back((self.zero + came, event));
     }
 
-    /// Returns the faults of the head.
-    pub(super) fn own(&mut self) -> Option<&mut FrameFaults> {
-        self.of_heads.get_mut(self.head)
-    }
-
     /// Returns true when a frame may show the previous one.
-    pub(super) fn has_any(&self) -> bool {
-        !self.injected.is_empty() || self.of_heads.get(self.head).is_some_and(|faults| !faults.timed().is_empty())
+    pub(super) fn has_any(&self, head: &Head) -> bool {
+        !self.injected.is_empty() || !head.faults.timed().is_empty()
     }
 
     /// Places the events of the run file, at the start of the run.
@@ -50,35 +45,31 @@ impl HeadFaults {
         &mut self,
         events: &[Event],
         start: Tai,
+        head: &mut Head,
         receiver: &mut Receiver,
-        engine: &mut FrameEngine,
     ) -> Result<(), ReplayError> {
-        in_order_of_placing(events).try_for_each(|event| self.place(event, start, receiver, engine))
+        in_order_of_placing(events).try_for_each(|event| self.place(event, start, head, receiver))
     }
 
     /// Places the events that came before `at`, when a frame is drawn.
     pub(super) fn place_injected_before(
         &mut self,
         at: Tai,
+        head: &mut Head,
         receiver: &mut Receiver,
-        engine: &mut FrameEngine,
     ) -> Result<(), ReplayError> {
         while let Some((came, event)) = self.injected.front().copied().filter(|(came, _)| *came < at) {
             self.injected.pop_front();
-            self.place(&event, came, receiver, engine)?;
+            self.place(&event, came, head, receiver)?;
         }
         Ok(())
     }
 
-    fn place(
-        &mut self,
-        event: &Event,
-        now: Tai,
-        receiver: &mut Receiver,
-        engine: &mut FrameEngine,
-    ) -> Result<(), ReplayError> {
+    fn place(&mut self, event: &Event, now: Tai, head: &mut Head, receiver: &mut Receiver) -> Result<(), ReplayError> {
         self.desk.check(event).map_err(|error| ReplayError::Parts(error.to_string()))?;
-        self.desk.place(event, now, self.of_heads.iter_mut().collect());
-        Ok(make_ready(event, engine, receiver, self.own())?)
+        let mut frames: Vec<&mut FrameFaults> = self.of_heads.iter_mut().collect();
+        frames[self.head] = &mut head.faults;
+        self.desk.place(event, now, frames);
+        Ok(make_ready(event, core::iter::once(head), receiver)?)
     }
 }

@@ -7,11 +7,9 @@ use super::captured_links::{CapturedLinks, Source};
 use super::head_faults::HeadFaults;
 use super::{CapturedFate, CapturedSample, Difference, DrawnFrom, FrameRow, HeadOutcome, ReplayError};
 use crate::runtime::receiver::{PORTS_MAX, Receiver};
-use crate::runtime::{Exposed, FrameEngine, Imager, Ledger, Slot};
-use crate::wiring::heads::{CostsHere, HeadSetting, RunHead, make_heads};
-use crate::{
-    runtime::frame_faults::Fate, runtime::head_step::HeadStep, wiring::fault_desk::FaultDesk, wiring::faults::Inventory,
-};
+use crate::runtime::{Exposed, Head, Imager, Ledger, Slot, frame_faults::Fate};
+use crate::wiring::heads::{CostsHere, HeadSetting, make_heads, make_receiver, size_of};
+use crate::wiring::{fault_desk::FaultDesk, faults::Inventory};
 use base::time::{Span, Tai};
 use config::{Event, Scenario};
 use core::ops::Range;
@@ -43,13 +41,13 @@ impl<'a> Replayed<'a> {
         source: &'a Source<'a>,
         real: Option<Option<CostModel>>,
         frames: Range<u32>,
-    ) -> Result<(Self, Vec<RunHead>), ReplayError> {
+    ) -> Result<(Self, Vec<Head>), ReplayError> {
         let mut captured = |_: &Imager| real.flatten();
         let costs: Option<CostsHere<'_>> = if real.is_some() { Some(&mut captured) } else { None };
         let heads = make_heads(HeadSetting { scenario, start, costs });
         let heads = heads.map_err(|error| ReplayError::Parts(format!("{error:#}")))?;
         let there = Inventory {
-            heads: heads.iter().map(RunHead::size).collect(),
+            heads: heads.iter().map(size_of).collect(),
             wheels: scenario.vehicle().map(|vehicle| vehicle.spacecraft.params.wheels.len()),
         };
         let zero = heads.first().map_or(start, |head| head.engine.params().first_exposure);
@@ -59,7 +57,7 @@ impl<'a> Replayed<'a> {
 
 /// A head that is being replayed.
 pub(super) struct HeadPlayback {
-    engine: FrameEngine,
+    head: Head,
     receiver: Receiver,
     faults: HeadFaults,
     links: CapturedLinks,
@@ -81,26 +79,29 @@ impl HeadPlayback {
     /// Starts the replay of a head, and places the events of the run file.
     pub(super) fn new(
         replayed: &Replayed<'_>,
-        (number, head): (usize, RunHead),
+        (number, head): (usize, Head),
         sink: Option<Box<dyn Sink>>,
     ) -> Result<Self, ReplayError> {
         let Replayed { scenario, start, zero, .. } = *replayed;
-        let RunHead { mut engine, mut receiver, .. } = head;
+        // Alone with its receiver, it is the first head.
+        let mut head = Head { engine: head.engine.of_head(0), ..head };
+        let receiver = make_receiver(scenario, core::slice::from_ref(&head));
+        let mut receiver = receiver.map_err(|error| ReplayError::Parts(format!("{error:#}")))?;
         let there = replayed.there.clone();
         let heads = there.heads.len();
         // Faults of the bus have no effect in a replay.
         let desk = FaultDesk::new(zero, scenario.bench.sensor_from_body, there, Default::default());
         let mut faults = HeadFaults::new(desk, zero, number, heads);
-        faults.place_all(&scenario.events, start, &mut receiver, &mut engine)?;
-        let camera = &engine.params().camera;
+        faults.place_all(&scenario.events, start, &mut head, &mut receiver)?;
+        let camera = &head.engine.params().camera;
         let [width, height] = camera.output().size_px;
         let mut frame = SentFrame::with_capacity(width, height, 0, camera.name.clone());
-        engine.warm_up(&mut frame)?;
+        head.engine.warm_up(&mut frame)?;
         if replayed.real.is_some() {
-            engine.follow_load();
+            head.engine.follow_load();
         }
         Ok(Self {
-            engine,
+            head,
             receiver,
             faults,
             links: CapturedLinks::open(&scenario.bench, replayed.source)?,
@@ -119,12 +120,12 @@ impl HeadPlayback {
 
     /// Returns the imager of the head.
     pub(super) fn imager(&self) -> &Imager {
-        self.engine.imager()
+        self.head.engine.imager()
     }
 
     /// Returns the number of its frames in the whole run.
     pub(super) fn frame_count(&self) -> u32 {
-        self.engine.params().frames
+        self.head.engine.params().frames
     }
 
     /// Adds an event injected this long after the first exposure.
@@ -147,9 +148,9 @@ impl HeadPlayback {
         if let Some(DrawnFrom { messages, load, exposed }) = &row.drawn {
             self.receive_up_to(messages, row.frame)?;
             // A frame may show the previous one.
-            let from = self.frames.start.saturating_sub(u32::from(self.faults.has_any()));
+            let from = self.frames.start.saturating_sub(u32::from(self.faults.has_any(&self.head)));
             if (from..self.frames.end).contains(&row.frame) {
-                self.engine.assume_load(*load);
+                self.head.engine.assume_load(*load);
                 own = self.draw_as_captured(row, exposed.as_ref())?.filter(|_| self.frames.contains(&row.frame));
             }
         }
@@ -211,7 +212,7 @@ impl HeadPlayback {
     /// Takes in everything that arrived by the release of a slot, and draws it; returns false when the capture ended
     /// before.
     pub(super) fn draw_at_release(&mut self, number: u32) -> Result<bool, ReplayError> {
-        let slot = self.engine.slot(number);
+        let slot = self.head.engine.slot(number);
         while let Some((link, message)) = self.links.take(slot.release, |_| true)? {
             self.receiver.accept_input(link, &message, &mut self.ledger);
         }
@@ -231,7 +232,7 @@ impl HeadPlayback {
 
     /// Draws the frame of a row with the faults that it went out with; returns its checksum.
     fn draw_as_captured(&mut self, row: &FrameRow, exposed: Option<&Exposed>) -> Result<Option<u32>, ReplayError> {
-        let slot = self.engine.exposing_mut().repeat(row.frame, exposed);
+        let slot = self.head.engine.exposing_mut().repeat(row.frame, exposed);
         let Some(fate) = self.expose(slot)? else { return Ok(None) };
         let went_out = matches!(row.fate, CapturedFate::Sent | CapturedFate::Late);
         if went_out && fate.is_dropped {
@@ -249,10 +250,9 @@ impl HeadPlayback {
 
     /// Draws a slot; returns `None`, and notes a doubt, when it has no attitude.
     fn expose(&mut self, slot: Slot) -> Result<Option<Fate>, ReplayError> {
-        let Self { engine, receiver, faults, ledger, frame, .. } = self;
-        faults.place_injected_before(slot.release, receiver, engine)?;
-        let drawn =
-            HeadStep { engine, receiver, faults: faults.own(), noted_already: None }.draw(slot, ledger, frame)?;
+        let Self { head, receiver, faults, ledger, frame, .. } = self;
+        faults.place_injected_before(slot.release, head, receiver)?;
+        let drawn = head.draw(slot, receiver, ledger, frame)?;
         if drawn.is_none() {
             self.doubt(format!("frame {} was drawn, and has no attitude here", slot.number));
         }
@@ -261,9 +261,7 @@ impl HeadPlayback {
     }
 
     fn spoil(&mut self, fate: &Fate) {
-        if let Some(faults) = self.faults.own() {
-            faults.spoil(fate, &mut self.frame);
-        }
+        self.head.faults.spoil(fate, &mut self.frame);
     }
 
     fn hand_on(&mut self) -> Result<(), ReplayError> {

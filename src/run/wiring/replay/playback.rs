@@ -3,7 +3,7 @@
 use super::head_playback::{HeadPlayback, Replayed};
 use super::{Difference, FRAMES_FILE, HeadOutcome, ReplayError, RowReader, Session, completeness, sample_table};
 use super::{captured_links::Source, row_reader::RowsOfHead};
-use crate::wiring::heads::RunHead;
+use crate::runtime::Head;
 use config::Scenario;
 use core::ops::Range;
 use frames::sink::{Sink, SinkError};
@@ -73,7 +73,7 @@ pub struct ReplayOptions {
 
 impl ReplayOptions {
     /// Returns the selected heads with their numbers; the others are dropped.
-    fn wanted(&self, heads: Vec<RunHead>) -> Result<Vec<(usize, RunHead)>, ReplayError> {
+    fn wanted(&self, heads: Vec<Head>) -> Result<Vec<(usize, Head)>, ReplayError> {
         let count = heads.len();
         match self.head.filter(|head| *head >= count) {
             Some(head) => Err(ReplayError::NoSuchHead { head, heads: count }),

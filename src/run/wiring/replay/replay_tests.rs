@@ -190,7 +190,7 @@ fn events_from_outside_are_placed_when_they_came() {
     let false_stars = FrameFault::FalseStars { pixels: FaultPixels { at: None, random: 7 }, mag: 1.0 };
     let directory = captured(folder.path(), "benches", BENCH, |run| {
         let step = |run: &mut SteppedRun, ms| {
-            let at = run.zero() + Span::from_ms(ms);
+            let at = run.times().zero + Span::from_ms(ms);
             run.advance_to(at, &mut |_, _, _| true).unwrap();
         };
         step(run, 1050);

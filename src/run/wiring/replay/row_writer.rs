@@ -166,7 +166,7 @@ impl Sink for RowSink {
         match self.waiting.iter().position(|mark| mark.frame == number).and_then(|place| self.waiting.remove(place)) {
             Some(mark) => self.put(&mark, fate, crc32),
             None => {
-                let degradation = frame.meta.degradation.into();
+                let degradation = frame.meta.degradation.name().into();
                 self.queue.put(FrameRow { frame: number, head: self.head, drawn: None, degradation, fate, crc32 });
             }
         }

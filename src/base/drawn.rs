@@ -1,8 +1,117 @@
-//! Degradation levels: losses accepted, in order, when the cheapest plan inside the accuracy budget does not fit the
-//! time budget. `starloop check` announces the level; every frame states its own.
+//! How a frame was drawn: the method for its motion, its degradation, and the origin of its attitude.
+//!
+//! Degradations are losses accepted, in order, when the cheapest plan inside the accuracy budget does not fit the time
+//! budget. `starloop check` announces the level; every frame states its own.
 
-use base::accuracy::AccuracyBudget;
+use crate::accuracy::AccuracyBudget;
 use core::fmt;
+
+/// Origin of the attitude of an exposure.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PathOrigin {
+    /// Between two received samples.
+    Interpolated,
+    /// Beyond the last received sample, by its rate and acceleration.
+    Predicted,
+    /// The stream stopped: last attitude held by policy.
+    Held,
+    /// Given by the user (`render`), not by a bus.
+    Commanded,
+    /// Nothing received yet: no attitude at all.
+    Absent,
+    /// A test pattern took the place of the image.
+    TestPattern,
+}
+
+impl PathOrigin {
+    /// Returns the name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Interpolated => "interpolated",
+            Self::Predicted => "predicted",
+            Self::Held => "held",
+            Self::Commanded => "commanded",
+            Self::Absent => "none",
+            Self::TestPattern => "test_pattern",
+        }
+    }
+}
+
+/// A method without its parameter.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum MethodName {
+    /// The PSF at the mean position.
+    Static,
+    /// PSF convolved with a Gaussian of the path's covariance.
+    Gaussian,
+    /// Gauss-Legendre nodes in time, per star.
+    GaussLegendre,
+    /// Straight segments of equal time, per star.
+    Segments,
+    /// Gauss-Legendre nodes in time between the corners of a path, per star.
+    Corners,
+    /// Samples in time, per star.
+    Samples,
+    /// PSF convolved with the path once per frame.
+    EffectivePsf,
+    /// PSF convolved with the path at the corners of a grid of zones.
+    ZonalPsf,
+}
+
+impl MethodName {
+    /// All methods.
+    pub const ALL: [Self; 8] = [
+        Self::Static,
+        Self::Gaussian,
+        Self::GaussLegendre,
+        Self::Segments,
+        Self::Corners,
+        Self::Samples,
+        Self::EffectivePsf,
+        Self::ZonalPsf,
+    ];
+
+    /// Returns the name used in files and commands.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Static => "static",
+            Self::Gaussian => "gaussian",
+            Self::GaussLegendre => "gauss-legendre",
+            Self::Segments => "segments",
+            Self::Corners => "corners",
+            Self::Samples => "samples",
+            Self::EffectivePsf => "effective-psf",
+            Self::ZonalPsf => "zonal-psf",
+        }
+    }
+
+    /// Returns true when a number of nodes (of segments, for segments) can be specified.
+    pub fn takes_number(self) -> bool {
+        !matches!(self, Self::Static | Self::Gaussian)
+    }
+}
+
+/// How the motion in a frame was drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FrameMethod {
+    /// Nothing was drawn yet.
+    None,
+    /// The reference integrated the exact motion.
+    Exact,
+    /// By the planned method.
+    Planned(MethodName),
+}
+
+impl FrameMethod {
+    /// Returns the name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Exact => "exact",
+            Self::Planned(method) => method.name(),
+        }
+    }
+}
 
 /// Degradation of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
