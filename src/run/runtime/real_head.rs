@@ -11,9 +11,10 @@ use crate::runtime::real_parts::{Head, HeadParts, Setting};
 use crate::runtime::real_shared::{Shared, take_back};
 use crate::runtime::{
     camera_heads::CameraHead, error::RunError, exposing::Exposing, head_step::HeadStep, ledger::EventKind,
-    params::DeadlinePolicy, receiver::Receiver, record::RunRecord, reply::camera_pages, slot::Slot,
+    receiver::Receiver, record::RunRecord, reply::camera_pages, slot::Slot,
 };
 use base::time::{Span, Tai};
+use config::DeadlinePolicy;
 use frames::report::{Fate, FrameEnd, FrameRecord, MissCause, Stage, StageTimes};
 use frames::sink::{FaultFlags, FrameMeta, SentFrame};
 use plan::attitude::PathOrigin;
