@@ -7,9 +7,9 @@ use base::time::Span;
 /// When frames begin to show stars.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SessionStart {
-    /// With the first attitude.
+    /// With the first attitude. A STOP, or a HELLO of another major version, ends it until the next RUN.
     AtOnce,
-    /// With the flight computer's RUN.
+    /// With an accepted RUN of the flight computer.
     OnRun,
 }
 

@@ -8,7 +8,7 @@ use plan::exposure::Degradation;
 /// Treatment of a frame that is not ready when it is due.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DeadlinePolicy {
-    /// The last frame is sent again.
+    /// The previous image is sent again in its place.
     Hold,
     /// No frame is sent.
     Drop,

@@ -4,6 +4,7 @@ use crate::runtime::imager::BackendChoice;
 use base::axes::{Body, Rotation, Sensor};
 use base::time::{Span, Tai};
 use base::{accuracy::AccuracyBudget, refused::Refused};
+use config::DeadlinePolicy;
 use image::detector::Seeds;
 use plan::attitude::{EstimateLimits, HistoryLimits, JitterLine, RecordedJitter, RemoteClockLimits};
 use plan::exposure::cost::CostModel;
@@ -12,17 +13,6 @@ use scene::{SceneParams, camera::CameraParams, sky_targets::SkyTarget};
 use sky::{almanac::Almanac, observer::Observer};
 use stars::Sky;
 use std::path::PathBuf;
-
-/// Policy for a frame that misses its deadline.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum DeadlinePolicy {
-    /// The previous image goes out again in its place.
-    Hold,
-    /// Nothing goes out.
-    Drop,
-    /// It goes out late.
-    Late,
-}
 
 /// Parameters of `plan::attitude`.
 #[derive(Debug, Clone, PartialEq)]

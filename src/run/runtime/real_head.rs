@@ -7,10 +7,11 @@
 use crate::runtime::delivery::{Delivery, FramePacket};
 use crate::runtime::real_shared::{Shared, take_back};
 use crate::runtime::{
-    error::RunError, frame_faults::Fate as Spoiling, head::Head, ledger::EventKind, params::DeadlinePolicy,
-    real_parts::Setting, record::RunRecord, slot::Slot,
+    error::RunError, frame_faults::Fate as Spoiling, head::Head, ledger::EventKind, real_parts::Setting,
+    record::RunRecord, slot::Slot,
 };
 use base::time::{Span, Tai};
+use config::DeadlinePolicy;
 use frames::report::{Fate, FrameEnd, FrameRecord, MissCause, Stage, StageTimes};
 use frames::sink::{FaultFlags, FrameMeta, SentFrame};
 use plan::attitude::PathOrigin;

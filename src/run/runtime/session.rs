@@ -10,6 +10,7 @@ use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::triggers::{Taken, Triggers, instant_of};
 use crate::runtime::{camera_intake::CameraIntake, per_head::PerHead};
 use base::time::{Span, Tai};
+use config::SessionStart;
 use firmware_protocol::handshake::{Answer, Handshake, Takes};
 use firmware_protocol::message::{
     CameraSetting, CameraTrigger, Command, Heartbeat, Rates, Refusal, Reply, Request, TableCell, Trigger, Triggered,
@@ -28,15 +29,6 @@ const CAPABILITIES: u16 = capability::PARAMETER_TABLES
     | capability::WHEELS
     | capability::TRIGGERS
     | capability::CAMERA;
-
-/// Event after which frames show stars.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum SessionStart {
-    /// The first attitude. A STOP, or a HELLO of another major version, ends it until the next RUN.
-    AtOnce,
-    /// An accepted RUN.
-    OnRun,
-}
 
 /// Parameters of a session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,6 +1,6 @@
 //! A checked bench file -> the parameters of a run, of its simulated bus and of its simulated flight computer.
 
-use crate::runtime::{BackendChoice, DeadlinePolicy, Imager, RunParams, SessionParams, SessionStart};
+use crate::runtime::{BackendChoice, Imager, RunParams, SessionParams};
 use crate::wiring::sensitivity::{Conditions, Sensitivity};
 use crate::{runtime::params::AttitudeParams, wiring::camera_parts::camera_params, wiring::seen_mag::bound_by_catalog};
 use anyhow::{Context, Result, bail};
@@ -72,11 +72,7 @@ pub fn run_params(bench: &Bench, start: Tai) -> Result<RunParams> {
         frame_period: Span::from_s(1.0 / bench.timing.frame_rate_hz),
         heads: u32::try_from(bench.head_count()).context("extra_head: more than 2^32 heads")?,
         frames: u32::try_from(bench.timing.frames()).context("timing.duration_s: more than 2^32 frames")?,
-        deadline_policy: match bench.timing.deadline_policy {
-            config::DeadlinePolicy::Hold => DeadlinePolicy::Hold,
-            config::DeadlinePolicy::Drop => DeadlinePolicy::Drop,
-            config::DeadlinePolicy::Late => DeadlinePolicy::Late,
-        },
+        deadline_policy: bench.timing.deadline_policy,
         camera,
     };
     check_observer_covers(&params)?;
@@ -307,11 +303,7 @@ fn observer(observer: &config::Observer, epoch: Tai) -> Result<Observer> {
 
 /// Returns the session parameters of a bench.
 pub fn session_params(bench: &Bench) -> SessionParams {
-    let start = match bench.session.start {
-        config::SessionStart::AtOnce => SessionStart::AtOnce,
-        config::SessionStart::OnRun => SessionStart::OnRun,
-    };
-    SessionParams { start, heartbeat_timeout: bench.session.heartbeat_timeout }
+    SessionParams { start: bench.session.start, heartbeat_timeout: bench.session.heartbeat_timeout }
 }
 
 /// Returns the bus between the simulated flight computer and the stimulator, and the format of its messages.

@@ -16,9 +16,9 @@
 
 use super::{FRAMES_FILE, ReplayError, SESSION_FILE, Session, SessionEnd};
 use super::{injected::Injected, row_writer::RowWriter, sample_table::SampleWriter, session::SessionParams};
-use crate::runtime::{DeadlinePolicy, FrameEngine, PlantSample, frame_marks};
+use crate::runtime::{FrameEngine, PlantSample, frame_marks};
 use base::time::{Span, Tai};
-use config::Event;
+use config::{DeadlinePolicy, Event};
 use frames::sink::Sink;
 use link::{Link, capture::CaptureFormat, tap::Capture};
 use std::path::{Path, PathBuf};
