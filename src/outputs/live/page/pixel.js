@@ -54,7 +54,7 @@ function pixelText({ x_px, y_px, dn, ra_deg, dec_deg }) {
 async function askPixel() {
   const number = byId("frame").dataset.number, place = pixelWanted();
   if (!place || number === undefined) {
-    byId("pixel").textContent = "point at a pixel";
+    byId("pixel").textContent = "point at a pixel or tap it";
     pixel.answered = "";
     return;
   }
