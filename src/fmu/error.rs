@@ -15,7 +15,7 @@ pub enum FmuError {
     /// The run cannot be put together or has failed.
     #[error(transparent)]
     Run(Box<run::wiring::error::LoopError>),
-    /// What it says.
+    /// A refusal in words.
     #[error(transparent)]
     Refused(#[from] Refused),
 }

@@ -1,4 +1,4 @@
-//! What of a scene was refused.
+//! The refusal of a scene.
 
 use base::refused::Refused;
 

@@ -1,4 +1,4 @@
-//! What of a chart was refused.
+//! The refusal of a chart.
 
 use base::refused::Refused;
 use sky::astrometry::AstrometryError;

@@ -16,7 +16,7 @@ pub enum LiveError {
         /// The system's reason.
         source: io::Error,
     },
-    /// What it says.
+    /// A refusal in words.
     #[error(transparent)]
     Refused(#[from] Refused),
 }
