@@ -42,10 +42,12 @@ fn table<R: serde::de::DeserializeOwned>(name: &str) -> Vec<R> {
 
 #[test]
 fn every_table_parses_to_what_was_measured() {
+    // One without a Vulkan driver.
+    let backends = charted().methods.iter().map(|row| row.backend.as_str()).collect::<BTreeSet<_>>().len();
     for file in charted().files.iter().filter(|file| file.name.ends_with(".csv")) {
         let mut reader = csv::Reader::from_reader(file.text.as_bytes());
         let records: Vec<_> = reader.records().map(|record| record.expect("a whole record")).collect();
-        assert!(records.len() > 10, "{}", file.name);
+        assert!(records.len() > 5 * backends, "{}", file.name);
     }
     // NaN differs from itself: compare as text.
     let same = |name: &str, rows: &[MethodRow]| {
