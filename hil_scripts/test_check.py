@@ -23,7 +23,7 @@ EXIT_NOT_MET = 4
 SHIPPED_WARNINGS = {
     "earth_limb": ["over the accuracy budget"],
     "moon": ["over the accuracy budget"],
-    "telescope": ["the catalog ends at G = 8.5"],
+    "telescope": ["the catalog ends at G = 8.5", "the attitude records alone are wrong by up to 0.0246 arcsec"],
 }
 # Its layers of stars are not shipped.
 NOT_CHECKED = {"galactic_slew"}

@@ -55,13 +55,19 @@ pub(super) fn write_attitude(
     let (total_rad, records_rad) = (bench.accuracy.los_arcsec * ARCSEC, record_error_rad(bench, &situation));
     let left_rad = total_rad - records_rad;
     write_situation(text, &situation)?;
+    let [records, left] = [records_rad, left_rad].map(|rad| rad / ARCSEC);
+    let (total, is_left) = (bench.accuracy.los_arcsec, left_rad > 0.0);
+    let left = if is_left { format!("{left:.4}") } else { "none".to_owned() };
     writeln!(
         text,
-        "  records      wrong by up to {:.4} arcsec (wire format, time tags): {:.4} of {} arcsec are left for the method",
-        records_rad / ARCSEC,
-        left_rad / ARCSEC,
-        bench.accuracy.los_arcsec
+        "  records      wrong by up to {records:.4} arcsec (wire format, time tags): {left} of {total} arcsec are left for the method",
     )?;
+    if !is_left {
+        writeln!(
+            text,
+            "  WARNING      the attitude records alone are wrong by up to {records:.4} arcsec, more than accuracy.los_arcsec = {total}",
+        )?;
+    }
     writeln!(text, "  method                 bound arcsec  verdict")?;
     let assessed = assess_methods(left_rad, motion, *reach);
     for assessment in &assessed {
@@ -185,6 +191,7 @@ fn assessment_line(assessment: &AttitudeAssessment) -> String {
     let (method, bound_arcsec) = (assessment.method, assessment.bound_rad / ARCSEC);
     let verdict = match assessment.verdict {
         AttitudeVerdict::Fits => "fits".to_owned(),
+        AttitudeVerdict::OverBudget { times } if times <= 0.0 => "refused: nothing is left of the budget".to_owned(),
         AttitudeVerdict::OverBudget { times } => format!("refused: {times:.1} times what is left of the budget"),
         AttitudeVerdict::NeedsLaterSample => "refused: the next sample comes too late".to_owned(),
         AttitudeVerdict::FasterThanSamples { frequency_hz } => {

@@ -120,6 +120,7 @@ mod without_hats;
 #[path = "without_data_sets.rs"]
 pub mod data_set;
 
+use anyhow::Context;
 use base::streams;
 use clap::{CommandFactory, Parser, Subcommand};
 use std::process::ExitCode;
@@ -267,8 +268,7 @@ pub fn main() -> ExitCode {
         Ok(arguments) => arguments,
         Err(status) => return ExitCode::from(status),
     };
-    bound_threads();
-    let status = match signals::catch().and_then(|()| run_command(arguments.command)) {
+    let status = match start_threads().and_then(|()| signals::catch()).and_then(|()| run_command(arguments.command)) {
         Ok(status) => status,
         // Output that failed is reported below, with the stream.
         Err(error) if streams::output_has_failed() && error.root_cause().is::<std::io::Error>() => EXIT_DONE,
@@ -280,13 +280,18 @@ pub fn main() -> ExitCode {
     ExitCode::from(streams::status_of_streams(status))
 }
 
-/// Bounds the threads that `RAYON_NUM_THREADS` asks for: starting very many takes minutes before the first line.
-fn bound_threads() {
+/// Starts the threads that draw, while there is memory for them: later their absence would be a panic. Very many take
+/// minutes before the first line, so `RAYON_NUM_THREADS` is bounded.
+fn start_threads() -> anyhow::Result<()> {
     let asked = std::env::var("RAYON_NUM_THREADS").ok().and_then(|text| text.trim().parse::<usize>().ok());
-    if let Some(asked) = asked.filter(|asked| *asked > THREADS_MOST) {
+    let bounded = asked.filter(|asked| *asked > THREADS_MOST);
+    if let Some(asked) = bounded {
         eprintln!("starloop: RAYON_NUM_THREADS: got {asked}, wanted {THREADS_MOST} at most, which are used");
-        let _it_is_the_first = rayon::ThreadPoolBuilder::new().num_threads(THREADS_MOST).build_global();
     }
+    let threads = bounded.map_or(0, |_| THREADS_MOST);
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context(
+        "the threads that draw do not start; give the program more memory (ulimit -v), or set RAYON_NUM_THREADS=1",
+    )
 }
 
 /// Runs one command; the exit status.

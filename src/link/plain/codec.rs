@@ -43,11 +43,13 @@ impl PlainCodec {
     pub fn read(&mut self, bytes: &[u8]) -> Option<PlainRecord> {
         let record = match self.layout.encoding {
             Encoding::FortyTwo(spacecraft) => self.forty_two.take(bytes, spacecraft, self.layout.time),
-            Encoding::F64Le | Encoding::F64Be | Encoding::Json | Encoding::Text => self.read_message(bytes).map(Some),
+            Encoding::F64Le | Encoding::F64Be | Encoding::Json | Encoding::Text => {
+                self.read_message(bytes).map(Some).map_err(|reject| RefusedMessage::new(reject, bytes))
+            }
         };
-        record.unwrap_or_else(|reject| {
-            self.rejects.count(reject);
-            self.first_refused.get_or_insert_with(|| RefusedMessage::new(reject, bytes));
+        record.unwrap_or_else(|refused| {
+            self.rejects.count(refused.reason);
+            self.first_refused.get_or_insert(refused);
             None
         })
     }

@@ -10,7 +10,7 @@
 //! `hil_scripts/test_plain_links.py`.
 
 use super::layout::TimeMeaning;
-use super::{PlainAttitude, PlainRecord, PlainReject, PlainState, PlainTime};
+use super::{PlainAttitude, PlainRecord, PlainReject, PlainState, PlainTime, RefusedMessage};
 use base::{axes::WRITTEN_NORM_TOLERANCE, units::METRE_KM};
 
 /// The last line of a message, and that of a message before 2024.
@@ -37,6 +37,8 @@ pub(super) struct FortyTwo {
     vel_n: Option<[f64; 3]>,
     /// A line of the message was refused, and with it the message.
     is_refused: bool,
+    /// What to quote when all of it is refused: its attitude, or else its first line about a spacecraft.
+    quoted: Option<RefusedMessage>,
 }
 
 impl FortyTwo {
@@ -46,16 +48,23 @@ impl FortyTwo {
         line: &[u8],
         spacecraft: u16,
         time: TimeMeaning,
-    ) -> Result<Option<PlainRecord>, PlainReject> {
+    ) -> Result<Option<PlainRecord>, RefusedMessage> {
         let line = line.trim_ascii();
         if is_end_of_message(line) {
             let message = core::mem::take(self);
             // The refused line is counted already.
-            return if message.is_refused { Ok(None) } else { message.record(time).map(Some) };
+            if message.is_refused {
+                return Ok(None);
+            }
+            return message.record(time).map(Some).map_err(|reason| {
+                let mut refused = message.quoted.unwrap_or(RefusedMessage::new(reason, line));
+                refused.reason = reason;
+                refused
+            });
         }
         let taken = self.take_line(line, spacecraft);
         self.is_refused |= taken.is_err_and(|reject| reject != PlainReject::Unread);
-        taken.map(|()| None)
+        taken.map(|()| None).map_err(|reject| RefusedMessage::new(reject, line))
     }
 
     fn take_line(&mut self, line: &[u8], spacecraft: u16) -> Result<(), PlainReject> {
@@ -68,8 +77,13 @@ impl FortyTwo {
             return if text.is_empty() { Ok(()) } else { Err(PlainReject::Unread) };
         };
         let name = name.trim();
+        if name.starts_with("SC[")
+            && (self.quoted.is_none() || quantity(name, "SC", spacecraft).is_some_and(is_attitude))
+        {
+            self.quoted = Some(RefusedMessage::new(PlainReject::Incomplete, line));
+        }
         match (quantity(name, "SC", spacecraft), quantity(name, "Orb", 0)) {
-            (Some("qn" | "B[0].qn"), _) => self.qn = Some(numbers(value)?),
+            (Some(attitude), _) if is_attitude(attitude) => self.qn = Some(numbers(value)?),
             (Some("wn" | "B[0].wn"), _) => self.wn = Some(numbers(value)?),
             (Some("PosR"), _) => self.pos_r = Some(numbers(value)?),
             (Some("VelR"), _) => self.vel_r = Some(numbers(value)?),
@@ -103,6 +117,10 @@ impl FortyTwo {
         let (position_km, velocity_km_s) = (sum(self.pos_n?, self.pos_r), sum(self.vel_n?, self.vel_r));
         Some(PlainState { position_km, velocity_km_s })
     }
+}
+
+fn is_attitude(quantity: &str) -> bool {
+    matches!(quantity, "qn" | "B[0].qn")
 }
 
 /// Returns the part after `SC[0].` in the name of a quantity of this object.

@@ -228,6 +228,22 @@ fn a_line_that_42_does_not_send_is_counted_and_quoted_and_the_message_is_whole()
 }
 
 #[test]
+fn refused_message_of_42_is_quoted_by_its_attitude_or_by_the_spacecraft_that_it_is_about() {
+    let other = MESSAGE.replace("SC[0]", "SC[3]");
+    let zero = MESSAGE.replacen("SC[0].qn =", "SC[0].qn = [ 0 0 0 0 ] #", 1).replace("] #", "]\nSC[0].svn = #");
+    for (text, quoted) in
+        [(other.as_str(), "\"SC[3]."), (zero.as_str(), "\"SC[0].qn = [ 0 0 0 0 ]\" (plain_quaternion_norm)")]
+    {
+        let mut codec = PlainCodec::new(PlainLayout { encoding: Encoding::FortyTwo(0), ..PlainLayout::default() });
+        text.lines().for_each(|line| {
+            let _ = codec.read(line.as_bytes()); // counted
+        });
+        let refused = codec.first_refused().unwrap().to_string();
+        assert!(refused.starts_with(quoted), "{refused}");
+    }
+}
+
+#[test]
 fn damaged_message_of_42_gives_nothing_and_the_next_one_is_whole() {
     for (from, to, reason) in [
         ("TIME 2025-079", "TIME 2025-400", PlainReject::Time),
