@@ -1,7 +1,7 @@
 //! `starloop dataset`: a data set of drawn images with labels, from a description.
 
 use crate::cli::{EXIT_DONE, EXIT_LOST, signals, version};
-use crate::cli::{progress::ProgressLine, report_json::print_json};
+use crate::cli::{report_json::print_json, terminal::ProgressLine};
 use anyhow::{Context, Result, bail};
 use base::clock::Stopwatch;
 use clap::Args;

@@ -12,7 +12,7 @@ use core::sync::atomic::{AtomicUsize, Ordering};
 use performance::case_folder::{PLAN, PlanFile};
 use performance::fly::{Flight, Flown};
 use performance::plan::{Plan, PlanCase, Source};
-use performance::{requirements::Requirements, settings::refuse_all};
+use performance::{metric::refuse_all, requirements::Requirements};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 

@@ -1,17 +1,17 @@
 //! `starloop psf`: a camera's star -> MTF of every link, widths, energies, what a star's colour changes; plots.
 
-use crate::cli::psf_star::{NYQUIST, Star};
-use crate::cli::{named_camera::named_camera, psf_plot, report_json::print_json};
+use crate::cli::{named::named_camera, report_json::print_json};
 use anyhow::{Context, Result, bail};
 use clap::Args;
-use config::{LightOfChain, Psf};
+use config::{Camera, Chain, LightOfChain, Psf};
 use core::fmt::Write;
-use frames::sink::write_file_atomically;
+use frames::report::plot::{Axis, Chart, Series, Style};
+use frames::{report::to_svg, sink::write_file_atomically};
 use plan::optics::chain_psf::{ChainPsf, Drawing};
-use plan::optics::energy::{self, Centring};
-use plan::optics::{Band, PsfForm, PsfModel};
-use plan::optics::{chain_light::ChainLight, mtf::MtfChain};
-use std::path::PathBuf;
+use plan::optics::{Band, PsfForm, PsfGrid, PsfModel, energy};
+use plan::{optics::chain_light::ChainLight, optics::energy::Centring, optics::mtf::MtfChain};
+use run::wiring::camera_parts::camera_params;
+use std::path::{Path, PathBuf};
 
 /// Share of the light whose circle is printed.
 const HELD: f64 = 0.9;
@@ -79,7 +79,7 @@ pub fn run(arguments: &PsfArgs) -> Result<()> {
         print!("{}", report(&star, &arguments.at)?);
     }
     if let Some(path) = &arguments.plot {
-        for (path, svg) in psf_plot::files(&star, path) {
+        for (path, svg) in files(&star, path) {
             write_file_atomically(&path, |out| std::io::Write::write_all(out, svg.as_bytes()))
                 .with_context(|| format!("--plot {}", path.display()))?;
             if !arguments.json {
@@ -319,8 +319,159 @@ fn largest_difference(a: &PsfModel, b: &PsfModel) -> f64 {
     places.map(|(x, y)| (a.pixel(x, y) - b.pixel(x, y)).abs()).fold(0.0, f64::max)
 }
 
+// A camera's star: its PSF and the chain that makes it, for a colour and a place in the field.
+
+/// Nyquist frequency, cycles/px.
+pub(super) const NYQUIST: f64 = 0.5;
+/// Samples per pixel of a blend of a field's PSFs.
+const GRID_OVERSAMPLING: usize = 16;
+/// Share of the light that may lie outside such a blend.
+const GRID_OUTSIDE: f64 = 1e-4;
+
+/// A camera's star and all that is known of it.
+#[derive(Debug)]
+pub(super) struct Star {
+    pub(super) camera: Camera,
+    pub(super) psf: PsfModel,
+    /// The chain, and what drawing it errs by; for chains.
+    pub(super) chain: Option<(MtfChain, ChainPsf)>,
+}
+
+impl Star {
+    pub(super) fn new(mut camera: Camera, bp_rp: Option<f64>) -> Result<Self> {
+        if let Some(bp_rp) = bp_rp {
+            let band = camera.band.clone();
+            match (&mut camera.psf, band) {
+                (Psf::Chain(chain), Some(band)) => take_color(chain, &band, bp_rp)?,
+                _ => bail!("--bp-rp is {bp_rp}, but \"{}\" has no chain over a [band]: leave it out", camera.name),
+            }
+        }
+        let Psf::Chain(chain) = &camera.psf else {
+            let psf = camera_params(&camera)?.psf;
+            return Ok(Self { camera, psf, chain: None });
+        };
+        let chain = MtfChain::new(chain.params.clone())?;
+        let drawn =
+            ChainPsf::draw(&chain, &Drawing::default()).with_context(|| format!("camera \"{}\"", camera.name))?;
+        Ok(Self { camera, psf: PsfModel::grid(drawn.grid.clone()), chain: Some((chain, drawn)) })
+    }
+
+    /// Takes the PSF of another place in the field.
+    pub(super) fn move_to(&mut self, place: &[f64]) -> Result<()> {
+        let detector = &self.camera.detector;
+        let size = [detector.width_px, detector.height_px].map(f64::from);
+        let &[x, y] = place else { bail!("--place has {} numbers; wanted two, such as 100,200", place.len()) };
+        if !(-0.5..=size[0] - 0.5).contains(&x) || !(-0.5..=size[1] - 0.5).contains(&y) {
+            bail!("--place is {x},{y}; wanted a place on the detector of {} x {} px", size[0], size[1]);
+        }
+        if self.psf.as_field().is_none() {
+            bail!("--place is {x},{y}, but \"{}\" has one PSF for all places: leave it out", self.camera.name);
+        }
+        let half_px = self.psf.half_px(GRID_OUTSIDE).max(2);
+        let blend = PsfGrid::sampled(GRID_OVERSAMPLING, half_px, |dx, dy| self.psf.pixel_of([x, y], dx, dy));
+        self.psf = PsfModel::grid(blend.with_context(|| format!("the PSF at {x},{y}"))?);
+        Ok(())
+    }
+
+    /// Returns whether x and y differ.
+    pub(super) fn has_axes(&self) -> bool {
+        self.chain.as_ref().is_some_and(|(chain, _)| chain.has_axes())
+    }
+}
+
+fn take_color(chain: &mut Chain, band: &Band, bp_rp: f64) -> Result<()> {
+    if !(-1.0..=7.0).contains(&bp_rp) {
+        bail!("--bp-rp is {bp_rp}; wanted a colour from -1 to 7, such as the Sun's, 0.82");
+    }
+    chain.light = LightOfChain::Color(bp_rp);
+    chain.params = chain.params.in_band(band, bp_rp);
+    Ok(())
+}
+
+// The plots of `starloop psf`: the chain over frequency, and the star over distance.
+
+/// Points of a curve.
+const POINTS: u32 = 160;
+/// Frequencies are shown to this share of Nyquist.
+const HIGHEST: f64 = 3.0;
+/// Distances are shown to this, px.
+const FURTHEST_PX: f64 = 6.0;
+
+/// Files and their texts: the chain, where there is one, under the name given, and the star beside it.
+pub(super) fn files(star: &Star, path: &Path) -> Vec<(PathBuf, String)> {
+    let chain = chain_chart(star).map(|chart| (path.to_path_buf(), to_svg(&chart)));
+    let beside = if chain.is_some() { beside(path) } else { path.to_path_buf() };
+    chain.into_iter().chain([(beside, to_svg(&star_chart(star)))]).collect()
+}
+
+/// Returns `dir/name_energy.svg` for `dir/name.svg`.
+fn beside(path: &Path) -> PathBuf {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    path.with_file_name(format!("{stem}_energy.svg"))
+}
+
+fn curve(name: &str, style: Style, group: usize, to: f64, of: &dyn Fn(f64) -> f64) -> Series {
+    let at = |i: u32| to * f64::from(i) / f64::from(POINTS);
+    let points = (0..=POINTS).map(|i| [at(i), of(at(i))]).collect();
+    Series::new(name, style, group, points)
+}
+
+fn chain_chart(star: &Star) -> Option<Chart> {
+    let (chain, _) = star.chain.as_ref()?;
+    let terms = chain.terms().enumerate().map(|(group, term)| {
+        let along = |share: f64| term.axis().map(|axis| axis * share * NYQUIST);
+        curve(term.name(), Style::DashedLine, group + 1, HIGHEST, &|share| chain.term(term, along(share)))
+    });
+    let product = |name: &str, group, along: [f64; 2]| {
+        let at = move |share: f64| along.map(|axis| axis * share * NYQUIST);
+        curve(name, Style::Line, group, HIGHEST, &|share| chain.product(at(share)))
+    };
+    let mut series: Vec<Series> = terms.collect();
+    if chain.has_axes() {
+        series.push(product("product along rows", 0, [1.0, 0.0]));
+        series.push(product("product along columns", series.len(), [0.0, 1.0]));
+    } else {
+        series.push(product("product", 0, [1.0, 0.0]));
+    }
+    Some(Chart {
+        title: format!("Modulation transfer, {}", star.camera.name),
+        x: Axis::linear("spatial frequency over Nyquist (0.5 cycles/px)"),
+        y: Axis::linear("MTF"),
+        series,
+        ring: String::new(),
+        notes: vec![format!(
+            "Mean wavelength {:.0} nm, f/{:.2}; cutoff {:.2} of Nyquist.",
+            chain.mean_wavelength_nm(),
+            chain.params().f_number,
+            chain.cutoff() / NYQUIST
+        )],
+    })
+}
+
+fn star_chart(star: &Star) -> Chart {
+    let psf = &star.psf;
+    let peak = psf.pixel(0.0, 0.0);
+    let steps = 48;
+    let circles = (0..=steps).map(|i| FURTHEST_PX * f64::from(i) / f64::from(steps));
+    let energy = circles.map(|r| [r, if r > 0.0 { energy::seen_encircled_energy(psf, r) } else { 0.0 }]).collect();
+    Chart {
+        title: format!("The star as pixels see it, {}", star.camera.name),
+        x: Axis::linear("distance from the star, px"),
+        y: Axis::linear("share"),
+        series: vec![
+            curve("pixel's share over the largest, along rows", Style::Line, 0, FURTHEST_PX, &|r| {
+                psf.pixel(r, 0.0) / peak
+            }),
+            Series::new("encircled energy", Style::Line, 1, energy),
+            curve("90 %", Style::DashedLine, 2, FURTHEST_PX, &|_| 0.9),
+        ],
+        ring: String::new(),
+        notes: vec![format!("Largest share of a pixel: {peak:.4}.")],
+    }
+}
+
 #[cfg(test)]
-mod tests {
+mod psf_tests {
     use super::*;
     use std::path::Path;
 
@@ -381,5 +532,27 @@ mod tests {
         assert_eq!(largest_difference(&narrow, &narrow), 0.0);
         let peak = narrow.pixel(0.0, 0.0) - wide.pixel(0.0, 0.0);
         assert!((largest_difference(&narrow, &wide) - peak).abs() < 1e-12, "the middle differs most");
+    }
+}
+
+#[cfg(test)]
+mod psf_plot_tests {
+    use super::*;
+    use config::{Camera, Document};
+
+    fn star(name: &str) -> Star {
+        Star::new(Camera::from_document(&Document::built_in(name).unwrap()).unwrap(), None).unwrap()
+    }
+
+    #[test]
+    fn a_chain_has_two_plots_and_another_model_one() {
+        let chain = files(&star("cameras/chain_tracker.toml"), Path::new("out/psf.svg"));
+        let names: Vec<_> = chain.iter().map(|(path, _)| path.to_string_lossy().into_owned()).collect();
+        assert_eq!(names, ["out/psf.svg", "out/psf_energy.svg"]);
+        assert!(chain[0].1.contains("diffraction") && chain[0].1.contains("product"), "terms");
+        assert!(chain[1].1.contains("encircled energy"), "energy");
+        let gaussian = files(&star("cameras/small_tracker.toml"), Path::new("psf.svg"));
+        assert_eq!(gaussian.len(), 1);
+        assert_eq!(gaussian[0].0, Path::new("psf.svg"));
     }
 }

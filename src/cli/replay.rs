@@ -5,7 +5,7 @@
 //! hold what its end record states.
 
 use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
-use crate::cli::{plain_text::plain_text, report_json::print_json};
+use crate::cli::{report_json::print_json, terminal::plain_text};
 use anyhow::{Result, bail};
 use clap::Args;
 use config::Scenario;

@@ -1,7 +1,7 @@
 //! `starloop snr`: how bright a star must be for a camera to see it, and how bright it may be.
 
-use crate::cli::radiometry_reported::{drawn_mag, drawn_text, radiometry_text};
-use crate::cli::{named_camera::named_camera, report_json::print_json};
+use crate::cli::named::{drawn_mag, drawn_text, radiometry_text};
+use crate::cli::{named::named_camera, report_json::print_json};
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use config::Camera;

@@ -1,7 +1,7 @@
 //! `starloop verify`: compares a camera's own frames with its file: photon transfer, and errors by brightness.
 
 use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
-use crate::cli::{named_camera::named_camera, report_json::print_json, run_args::BackendName};
+use crate::cli::{named::named_camera, report_json::print_json, run::args::BackendName};
 use anyhow::{Result, bail};
 use base::image::{DnImage, ElectronImage, Image};
 use base::{accuracy::AccuracyBudget, axes::Rotation, time::Tai};

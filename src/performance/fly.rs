@@ -4,14 +4,12 @@
 //! same frames. The built-in tracker sees pixels and time tags, and is lost in space again at each attitude; a program
 //! outside gets the folder of images.
 
+use crate::attitudes::{BrightBodies, Circumstances};
 use crate::case_folder::{CASE, CaseFile, LOG};
 use crate::plan::{Plan, PlanCase, Source, folder_name};
 use crate::poses::{MARGIN_S, Pose, before_samples, margin_s, poses};
 use crate::tracker_inside::{Inside, TrackerLog};
-use crate::{
-    attitude_error::attitude_error, attitudes::Circumstances, bandwidth::SINE, bright_bodies::BrightBodies,
-    provenance::FileHash, settings::refuse_all,
-};
+use crate::{metric::refuse_all, noise::SINE, provenance::FileHash, record::attitude_error};
 use anyhow::{Context, Result, bail};
 use base::time::Span;
 use config::{Camera, Document, Scenario, Setting};

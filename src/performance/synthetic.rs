@@ -1,6 +1,6 @@
 //! Made-up cases with known errors, for tests.
 
-use crate::attitude_error::turned;
+use crate::record::turned;
 use crate::record::{Case, FalseLimit, JudgedCase, LogRow, TruthRow, Use};
 use base::units::ARCSEC;
 use glam::{DQuat, DVec3};

@@ -1,11 +1,11 @@
 //! Tests latency and jitter injected into the loop over pixels: margins, rejection and errors agree with linear theory.
 
 use base::units::DEG;
-use batch::study::frequency::{CROSSOVER_SHARE, PHASE_MARGIN_DEG, REJECTION_SHARE};
 use batch::study::point::{
     ACTUATION_DELAY, CROSSOVER, JITTER, PHASE_MARGIN, POINTING_ERROR, REJECTION, TAG, TAG_ERROR,
 };
 use batch::study::theory::LoopOnPaper;
+use batch::study::trial::{CROSSOVER_SHARE, PHASE_MARGIN_DEG, REJECTION_SHARE};
 use batch::study::{Agreement, Effort, Studied, Study};
 use config::{Document, Scenario};
 

@@ -6,34 +6,29 @@
 //! and the result does not depend on their number.
 //!
 //! Assumptions: theory is one rigid axis with small angles ([`theory`]); flexible modes lie well above the bandwidth.
-//! Tour: [`theory`] (expected values), [`trial`] (one run), [`tone`] (sines in a record), `frequency` (margins and
-//! rejection), `noise` (pointing error, time tags, beyond the margin), `figures` (charts, table). Tests: `tests`,
-//! `tests/closed_loop/study.rs`.
+//! Tour: [`theory`] (expected values), [`trial`] (one run; sines in a record, margins and rejection, pointing error, time
+//! tags, beyond the margin), [`point`] (charts, table). Tests: `tests`, `tests/closed_loop/study.rs`.
 
 use base::refused::Refused;
 
-pub mod figures;
-pub mod frequency;
-mod noise;
 pub mod point;
 #[cfg(test)]
 mod tests;
 pub mod theory;
-pub mod tone;
 pub mod trial;
 
-pub use noise::{POINTING_SHARE, TAG_SHARE};
 pub use point::{Agreement, StudyPoint};
+pub use trial::{POINTING_SHARE, TAG_SHARE};
 
 use crate::chart::File;
 use config::{Scenario, StartTime};
 use core::f64::consts::TAU;
 use core::sync::atomic::{AtomicUsize, Ordering};
-use frequency::Latency;
 use rayon::prelude::*;
 use run::wiring::{error::LoopError, vehicle_parts::vehicle_params};
 use testbed::vehicle::VehicleParams;
 use theory::LoopOnPaper;
+use trial::Latency;
 use trial::{Injection, at_rest};
 
 /// Factor on the delay margin at which the loop must lose the target.
@@ -203,8 +198,8 @@ impl Study {
         };
         let found: Result<Vec<Vec<StudyPoint>>, Refused> = parts.par_iter().map(measure).collect();
         let mut points = found?.concat();
-        points.extend(frequency::delay_margin(self, &points));
-        Ok(Studied { files: figures::files(self, &points)?, summary: figures::table(&points), points })
+        points.extend(trial::delay_margin(self, &points));
+        Ok(Studied { files: point::files(self, &points)?, summary: point::table(&points), points })
     }
 
     /// Returns the parts of the work, longest first.
@@ -226,11 +221,11 @@ impl Study {
 
     fn measure(&self, part: &Part) -> Result<Vec<StudyPoint>, LoopError> {
         match part {
-            Part::Margin(latency) => frequency::margin(self, *latency),
-            Part::Rejection(frequencies_hz) => frequency::rejection(self, frequencies_hz),
-            Part::Error(latency) => noise::pointing_error(self, *latency),
-            Part::Tag(tag_s) => noise::tag_error(self, *tag_s),
-            Part::Beyond(times) => noise::beyond(self, *times),
+            Part::Margin(latency) => trial::margin(self, *latency),
+            Part::Rejection(frequencies_hz) => trial::rejection(self, frequencies_hz),
+            Part::Error(latency) => trial::pointing_error(self, *latency),
+            Part::Tag(tag_s) => trial::tag_error(self, *tag_s),
+            Part::Beyond(times) => trial::beyond(self, *times),
         }
     }
 
