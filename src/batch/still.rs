@@ -58,7 +58,8 @@ pub struct Still {
     faults: FrameFaults,
     ledger: Ledger,
     frame: SentFrame,
-    faintest_mag: f32,
+    /// Magnitude of the faintest stars of the sky, G.
+    pub faintest_mag: f32,
     /// Maps images of mean electrons to the sky.
     mean_wcs: Option<WcsMaker>,
     /// Time in which faults act.
@@ -175,11 +176,6 @@ impl Still {
     /// Returns the camera, the sky and all other parameters as they are drawn with.
     pub fn params(&self) -> &RunParams {
         self.engine.params()
-    }
-
-    /// Returns the magnitude of the faintest stars of the sky, G.
-    pub fn faintest_mag(&self) -> f32 {
-        self.faintest_mag
     }
 }
 

@@ -19,11 +19,11 @@ use outputs::display::calibration::spots::{FrameScale, sights_of_frame};
 use outputs::display::calibration::{
     Calibration, DisplayIdentity, Fitted, Grid, Pattern, Plan, Sight, Tracker, TrackerIdentity, fit,
 };
-use outputs::{
-    display::beat::BeatInput, display::calibration::fit::FitOptions, display::calibration::measurement::write_csv,
-    display::calibration::report::reported, display::dither::Dither, display::latency::Latency,
+use outputs::display::{
+    beat::BeatInput, calibration::fit::FitOptions, calibration::measurement::write_csv, calibration::report::reported,
+    dither::Dither, latency::Latency,
 };
-use run::{wiring::camera_parts::camera_params, wiring::display_parts::SPOT_SIGMA_PX};
+use run::wiring::{camera_parts::camera_params, display_parts::SPOT_SIGMA_PX};
 use sky::astrometry::CameraGeometry;
 use std::path::{Path, PathBuf};
 use testbed::display_bench::{BenchTruth, DisplayBench};

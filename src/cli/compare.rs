@@ -1,14 +1,12 @@
 //! `starloop compare`: real frames of the night sky against the same fields as starloop draws them.
 
 use crate::cli::named::{declination_deg, right_ascension_deg};
-use crate::cli::{EXIT_DONE, EXIT_NOT_MET, named};
-use crate::cli::{render::input::three, report_json::print_json};
+use crate::cli::{EXIT_DONE, EXIT_NOT_MET, named, render::input::three, report_json::print_json};
 use anyhow::{Context, Result, bail};
 use base::{axes::sensor_from_ra_dec_roll, time::Tai};
 use clap::{Args, ValueEnum};
 use config::{Document, is_camera};
-use night_sky::picture::Flip;
-use night_sky::{Compared, Comparer, Options, report};
+use night_sky::{Compared, Comparer, Options, picture::Flip, report};
 use std::path::{Path, PathBuf};
 
 /// Command line of `compare`.

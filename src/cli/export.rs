@@ -12,11 +12,11 @@ use clap::Args;
 use config::{Bench, Document, Plant, Scenario, StartTime};
 use core::fmt::Write as _;
 use fmu::archive::write_unit;
+use frames::sink::{frame_log::path_in, truth::read_truth};
 use frames::sink::{write_file_atomically, write_new_file};
-use frames::{sink::frame_log::path_in, sink::truth::read_truth};
 use histories::write::{AttitudeFormat, Header, OrbitFormat};
 use histories::{AttitudeHistory, AttitudeState, Centre, OrbitHistory, OrbitState, read, write};
-use run::{wiring::bench_parts, wiring::sinks::directory_of_head};
+use run::wiring::{bench_parts, sinks::directory_of_head};
 use sky::orbit::CentralBody;
 use std::path::{Path, PathBuf};
 use std::{io, io::Write};
@@ -82,7 +82,7 @@ pub fn run(arguments: &ExportArgs) -> Result<()> {
     }
     check_words(arguments)?;
     let source = ExportSource::open(&arguments.source, arguments.bench.as_deref(), arguments.head)?;
-    let body = if arguments.body { "SC_BODY_1".to_owned() } else { format!("STARTRACKER_{}", source.head() + 1) };
+    let body = if arguments.body { "SC_BODY_1".to_owned() } else { format!("STARTRACKER_{}", source.head + 1) };
     let header = Header {
         object_name: arguments.object_name.clone(),
         object_id: arguments.object_id.clone(),
@@ -164,7 +164,7 @@ pub(super) struct ExportSource {
     /// The folder of a recorded run.
     folder: Option<PathBuf>,
     scenario: Option<Scenario>,
-    head: usize,
+    pub(super) head: usize,
     first_exposure: Tai,
 }
 
@@ -227,11 +227,6 @@ impl ExportSource {
         scenario.iter().try_for_each(|scenario| check_head(&scenario.bench, head))?;
         let first = states.first().map_or(0, |state| state.t_ns);
         Ok(Self { states, folder: Some(folder.into()), scenario, head, first_exposure: Tai::from_ns(first) })
-    }
-
-    /// Returns the head that is meant, counted from 0.
-    pub(super) fn head(&self) -> usize {
-        self.head
     }
 
     /// Returns the attitudes of the sensor, or of the body.

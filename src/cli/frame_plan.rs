@@ -14,7 +14,8 @@ use testbed::flight_computer::FlightComputer;
 pub(super) struct FramePlans<'a> {
     params: &'a RunParams,
     computer: FlightComputer,
-    scene: Scene,
+    /// All that shines into the frames.
+    pub(super) scene: Scene,
 }
 
 impl<'a> FramePlans<'a> {
@@ -33,11 +34,6 @@ impl<'a> FramePlans<'a> {
             Some(limit_ms) => planner.within_ms(limit_ms).down_to(self.params.last_degradation),
             None => planner,
         }
-    }
-
-    /// Returns what shines into the frames.
-    pub(super) fn scene(&self) -> &Scene {
-        &self.scene
     }
 
     /// Returns whether frame `number` has an attitude.

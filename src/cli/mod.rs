@@ -24,6 +24,7 @@ pub mod fly;
 mod frame_plan;
 pub mod help;
 pub mod keys;
+mod lines;
 pub mod link_check;
 pub mod named;
 mod provenance;

@@ -1,7 +1,6 @@
 //! `starloop study`: latency and jitter injected into the closed loop, compared with linear theory: a table and charts.
 
-use crate::cli::report_json::print_json;
-use crate::cli::{EXIT_DONE, EXIT_NOT_MET, named};
+use crate::cli::{EXIT_DONE, EXIT_NOT_MET, named, report_json::print_json};
 use anyhow::Result;
 use base::clock::Stopwatch;
 use batch::study::{Effort, Study};

@@ -1,19 +1,19 @@
 //! All metrics of a set of cases.
 
 use crate::availability::{
-    ACQUISITION, ACQUISITION_CONFIDENCE, ACQUISITION_MEDIAN, ACQUISITION_TIME, FALSE, FALSE_COUNT, LOSSES, RECOVERY,
-    TRACKING, acquisition, tracking, tracking_of_case,
+    ACQUISITION, ACQUISITION_CONFIDENCE, ACQUISITION_MEDIAN, ACQUISITION_TIME, FALSE, FALSE_COUNT, KINDS as EXCLUSION,
+    LOSSES, RECOVERY, TRACKING, acquisition, exclusion_angles, tracking, tracking_of_case,
 };
-use crate::availability::{KINDS as EXCLUSION, exclusion_angles};
-use crate::bias::{FOV, PIXEL, spatial_errors};
-use crate::bias::{OF_ATTITUDES, OF_TIME, bias};
-use crate::metric::{Interval, Kind, Metric, Reading};
-use crate::noise::{BANDWIDTH, RATIO, bandwidth, ratio_of_case};
-use crate::noise::{INERTIAL, NEA, SUCCESSIVE, noise_of_case, temporal_noise};
-use crate::record::{Case, JudgedCase, Use};
-use crate::slopes::{ABERRATION, DATE, DRIFT, MDE, TAG, aberration_residual, date_error, drift};
-use crate::slopes::{THERMO_ELASTIC, thermo_elastic};
-use crate::{metric::Settings, record::directional, statistics::quantile};
+use crate::bias::{FOV, OF_ATTITUDES, OF_TIME, PIXEL, bias, spatial_errors};
+use crate::metric::{Interval, Kind, Metric, Reading, Settings};
+use crate::noise::{
+    BANDWIDTH, INERTIAL, NEA, RATIO, SUCCESSIVE, bandwidth, noise_of_case, ratio_of_case, temporal_noise,
+};
+use crate::record::{Case, JudgedCase, Use, directional};
+use crate::slopes::{
+    ABERRATION, DATE, DRIFT, MDE, TAG, THERMO_ELASTIC, aberration_residual, date_error, drift, thermo_elastic,
+};
+use crate::statistics::quantile;
 use base::units::ARCSEC;
 use config::nearest;
 use core::fmt::Write;

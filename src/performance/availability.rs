@@ -1,9 +1,9 @@
 //! Whether there is an attitude: acquisition, tracking, false solutions, loss and recovery.
 
-use crate::metric::{Interval, Kind, Metric, Reading};
+use crate::metric::{Interval, Kind, Metric, Reading, Settings};
+use crate::noise::noise_of_case;
 use crate::record::{Fate, Judged, JudgedCase, Use};
 use crate::statistics::{Estimate, confidence_of, quantile, share};
-use crate::{metric::Settings, noise::noise_of_case};
 
 /// Cases in which nothing disturbs.
 const CALM: &[Use] = &[Use::Run, Use::Inertial, Use::Drift, Use::FovGrid, Use::PixelGrid, Use::ThermoElastic];

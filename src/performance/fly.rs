@@ -43,7 +43,8 @@ pub struct Flown {
 pub struct Flight<'a> {
     plan: &'a Plan,
     camera_path: PathBuf,
-    camera_name: String,
+    /// The camera's name.
+    pub camera_name: String,
     plan_folder: PathBuf,
     out: PathBuf,
     pixel_rad: f64,
@@ -86,11 +87,6 @@ impl<'a> Flight<'a> {
             inside,
             keeps_images: false,
         })
-    }
-
-    /// Returns the camera's name.
-    pub fn camera_name(&self) -> &str {
-        &self.camera_name
     }
 
     /// Checks the wanted cases without flying them and without writing anything.

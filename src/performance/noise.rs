@@ -3,10 +3,10 @@
 //! Of inertial attitudes: the variance within attitudes. Of runs in motion: half of the mean square of successive
 //! differences (von Neumann et al. 1941), which slow errors hardly touch.
 
+use crate::bias::groups;
 use crate::metric::{AXES, Interval, Kind, Metric, Reading};
-use crate::record::{JudgedCase, Use};
+use crate::record::{JudgedCase, Use, attitude_error};
 use crate::statistics::{Estimate, normal_quantile, sigma, t_quantile};
-use crate::{bias::groups, record::attitude_error};
 use base::units::ARCSEC;
 use core::f64::consts::{FRAC_1_SQRT_2, TAU};
 use glam::{DMat3, DVec3};

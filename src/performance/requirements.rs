@@ -4,8 +4,7 @@
 //! "value"` the value alone decides. [`Outcome`] is the verdict on all of them.
 
 use crate::assess::{kinds_of, meant, metric_names};
-use crate::metric::{Interval, Metric};
-use crate::metric::{Settings, refuse_all};
+use crate::metric::{Interval, Metric, Settings, refuse_all};
 use crate::record::Use;
 use crate::statistics::{confidence_of, share};
 use anyhow::{Context, Result, anyhow, bail};

@@ -32,7 +32,7 @@ fn the_loop_over_pixels_is_as_theory_predicts_and_not_as_a_wrong_theory() {
     assert_eq!(studied.files[0].text.lines().count(), studied.points.len() + 1, "a row for every point");
 
     // Negative controls: the same measurements against the theory of another loop.
-    let paper = *study.paper();
+    let paper = study.paper;
     let margins = measured(&studied, PHASE_MARGIN, ACTUATION_DELAY);
     assert!(margins.len() > 2);
     for [delay_ms, margin_deg] in margins {

@@ -4,10 +4,9 @@
 //! `crowding.csv`, a chart and a verdict: between two numbers of stars the time grows as their ratio to some power,
 //! which must be at most 1 (a frame has a part that all stars share). A frame's own part is measured without stars.
 
-use crate::chart::Settings;
 use crate::chart::scenes::{Movement, Psf, Scene, Stars};
-use crate::chart::stage;
 use crate::chart::stage::{Drawer, Effort, Stage};
+use crate::chart::{Settings, stage};
 use base::refused::Refused;
 use core::fmt::Write;
 use frames::report::plot::{Axis, Chart, Series, Style};

@@ -5,8 +5,8 @@
 //! because none of its code runs: "without" means a camera that does not name it.
 
 use crate::chart::scenes::{Movement, Psf, Scene, Stars};
-use crate::chart::stage::{EXPOSURE_S, Stage};
-use crate::chart::{stage, stage::Drawer};
+use crate::chart::stage;
+use crate::chart::stage::{Drawer, EXPOSURE_S, Stage};
 use base::image::{DnImage, Image};
 use base::{bayer::BayerPattern, clock::Stopwatch, least_squares::median, refused::Refused, time::Tai};
 use image::detector::binning::{Binning, BinningKind};
@@ -15,17 +15,15 @@ use image::detector::protons::{ProtonDirection, ProtonFlux};
 use image::detector::{
     Background, Detector, DetectorConditions, DetectorParams, LinePattern, Nonlinearity, Rounding, RowNoise,
 };
-use image::{
-    detector::blooming::Blooming, detector::colour_filter::ColourFilter,
-    detector::defects::population::DefectPopulation, detector::gpu::GpuDetector, detector::image_lag::ImageLag,
-    detector::tdi::Tdi, detector::window::Window, render::gpu::Gpu,
+use image::detector::{
+    blooming::Blooming, colour_filter::ColourFilter, defects::population::DefectPopulation, gpu::GpuDetector,
+    image_lag::ImageLag, tdi::Tdi, window::Window,
 };
+use image::render::gpu::Gpu;
 use plan::exposure::{Instrument, MethodChoice, Target, TargetCurve, TargetPath, TargetWay};
+use plan::exposure::{planner::Planner, target::FIRST_TARGET_ID};
 use plan::optics::{Illumination, PsfModel};
-use plan::{
-    exposure::planner::Planner, exposure::target::FIRST_TARGET_ID, optics::illumination::Vignetting,
-    optics::psf_field::PsfField,
-};
+use plan::optics::{illumination::Vignetting, psf_field::PsfField};
 use serde::{Deserialize, Serialize};
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 use std::sync::Arc;

@@ -29,8 +29,7 @@ pub use rows::MethodRow;
 
 use frames::report::{Chart, to_svg};
 use rows::csv_text;
-use stage::Drawer;
-use stage::Effort;
+use stage::{Drawer, Effort};
 
 /// Scope of the measurements.
 #[derive(Debug, Clone)]

@@ -9,7 +9,7 @@ use base::{
 use core::f64::consts::TAU;
 use glam::DVec3;
 use image::gpu::{AdapterChoice, Electrons, GpuDevice};
-use image::{render::Backend, render::cpu::Cpu, render::gpu::Gpu, render::reference::Reference};
+use image::render::{Backend, cpu::Cpu, gpu::Gpu, reference::Reference};
 use plan::attitude::{JitterLine, LosPath};
 use plan::exposure::cost::CostModel;
 use plan::exposure::{

@@ -1,11 +1,8 @@
 //! One scene, every method, every backend -> rows.
 
-use crate::chart::rows::{Errors, brightest_e};
-use crate::chart::rows::{MethodRow, NOT_DRAWN};
+use crate::chart::rows::{Errors, MethodRow, NOT_DRAWN, brightest_e};
 use crate::chart::scenes::{Movement, Scene};
-use crate::chart::stage::Effort;
-use crate::chart::stage::{Drawer, Picture, truth};
-use crate::chart::stage::{READ_NOISE_E, Stage};
+use crate::chart::stage::{Drawer, Effort, Picture, READ_NOISE_E, Stage, truth};
 use crate::chart::{Settings, stage};
 use base::{accuracy::AccuracyBudget, refused::Refused};
 use frames::report::pareto_front;

@@ -28,8 +28,7 @@ use rayon::prelude::*;
 use run::wiring::{error::LoopError, vehicle_parts::vehicle_params};
 use testbed::vehicle::VehicleParams;
 use theory::LoopOnPaper;
-use trial::Latency;
-use trial::{Injection, at_rest};
+use trial::{Injection, Latency, at_rest};
 
 /// Factor on the delay margin at which the loop must lose the target.
 const BEYOND: f64 = 1.25;
@@ -99,7 +98,8 @@ pub struct Study {
     scenario: Scenario,
     effort: Effort,
     vehicle: VehicleParams,
-    paper: LoopOnPaper,
+    /// The theoretical loop.
+    pub paper: LoopOnPaper,
     crossover_rad_s: f64,
     control_period_s: f64,
     step_s: f64,
@@ -171,11 +171,6 @@ impl Study {
             vehicle,
             paper,
         })
-    }
-
-    /// Returns the theoretical loop.
-    pub fn paper(&self) -> &LoopOnPaper {
-        &self.paper
     }
 
     /// Returns the highest frequency at which theory is checked, the crossover, Hz.

@@ -1,7 +1,6 @@
 //! One point of a study: measured value, theoretical value, and whether they agree.
 
-use crate::chart::{File, rows::csv_text};
-use crate::study::Study;
+use crate::{chart::File, chart::rows::csv_text, study::Study};
 use base::{refused::Refused, units::DEG};
 use core::f64::consts::TAU;
 use frames::report::plot::{Axis, Chart, Series, Style, to_svg};
@@ -108,7 +107,7 @@ fn measured<'a>(points: impl Iterator<Item = &'a StudyPoint>) -> Vec<[f64; 2]> {
 }
 
 fn phase_margin(study: &Study, points: &[StudyPoint]) -> Chart {
-    let margin_ms = study.paper().delay_margin_s().unwrap_or(0.0) * 1e3;
+    let margin_ms = study.paper.delay_margin_s().unwrap_or(0.0) * 1e3;
     let curve = |at: &dyn Fn(f64) -> Option<f64>| -> Vec<[f64; 2]> {
         let point = |k: u32| {
             let delay_s = 1.1e-3 * margin_ms * f64::from(k) / f64::from(CURVE_POINTS);
@@ -116,8 +115,8 @@ fn phase_margin(study: &Study, points: &[StudyPoint]) -> Chart {
         };
         (0..=CURVE_POINTS).filter_map(point).collect()
     };
-    let built = |delay_s: f64| study.paper().with_delay(delay_s).phase_margin_rad();
-    let textbook = |delay_s: f64| study.paper().with_delay(delay_s).textbook.phase_margin_rad();
+    let built = |delay_s: f64| study.paper.with_delay(delay_s).phase_margin_rad();
+    let textbook = |delay_s: f64| study.paper.with_delay(delay_s).textbook.phase_margin_rad();
     Chart {
         title: "Phase margin against latency, measured over pixels".into(),
         x: Axis::linear("latency injected, ms"),
@@ -143,7 +142,7 @@ fn rejection(study: &Study, points: &[StudyPoint]) -> Chart {
     };
     let shown: Vec<f64> = of(points, REJECTION, JITTER).map(|point| point.value).collect();
     let (low, high) = shown.iter().fold((f64::INFINITY, 0.0_f64), |(low, high), hz| (low.min(*hz), high.max(*hz)));
-    let left = |hz: f64| study.paper().sensitivity(TAU * hz).modulus();
+    let left = |hz: f64| study.paper.sensitivity(TAU * hz).modulus();
     let curve = |k: u32| {
         let hz = low * (high / low).powf(f64::from(k) / f64::from(CURVE_POINTS));
         [hz, left(hz)]

@@ -2,8 +2,7 @@
 
 use super::theory::{LoopOnPaper, noise_of, taken_over};
 use super::trial::Tone;
-use crate::study::trial::{delay_margin_s, margin_of};
-use crate::study::trial::{phasor, read_at};
+use crate::study::trial::{delay_margin_s, margin_of, phasor, read_at};
 use base::units::{ARCSEC, DEG};
 use config::{Document, Scenario};
 use core::f64::consts::TAU;

@@ -17,7 +17,7 @@ use config::{Action, Backend, Event, Pointing, Scenario};
 use core::f64::consts::TAU;
 use frames::sink::NullSink;
 use glam::DVec3;
-use run::{wiring::error::LoopError, wiring::stepped::SteppedRun};
+use run::wiring::{error::LoopError, stepped::SteppedRun};
 use std::sync::{Arc, Mutex, PoisonError};
 use testbed::{acs::Mode, acs::complex::Complex, spacecraft::TestTorque, vehicle::TelemetryRow};
 

@@ -1,12 +1,11 @@
 //! `starloop catalog import` and `verify`: published catalogs -> layers on disk, and whether they are whole.
 
-use crate::cli::catalog::hats::{Input, inputs};
-use crate::cli::catalog::hats::{mark, name_of};
+use crate::cli::catalog::hats::{Input, inputs, mark, name_of};
 use crate::cli::{named, report_json::json_line, terminal::ProgressLine};
 use anyhow::{Context, bail, ensure};
 use clap::Args;
 use imports::published::gaia::{EPOCH_YR, Names};
-use imports::{published::add_bright, published::bright::BrightStars};
+use imports::published::{add_bright, bright::BrightStars};
 use stars::layer::{LEAST_MEMORY_BYTES, Layer, LayerReport, MEMORY_BYTES, Sorting, is_layer, layer_name};
 use stars::{catalog::Catalog, credits};
 use std::path::{Path, PathBuf};

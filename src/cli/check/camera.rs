@@ -5,7 +5,7 @@
 //! are seen: stars of the Sun's colour at SNR 3, without motion. Frames of a calibrated display are
 //! drawn in steps of its luminance, without a tracker's noise: of them only their stars are counted.
 
-use crate::cli::check::facts::Facts;
+use crate::cli::lines::Lines;
 use anyhow::Result;
 use config::{Bench, Camera, Plant, Radiometry};
 use core::{f64::consts::TAU, ops::RangeInclusive};
@@ -43,7 +43,7 @@ impl Sight {
     }
 
     /// Writes down to which magnitude the camera sees, and warns of stars that it would see and the frames lack.
-    pub(super) fn write(&self, facts: &mut Facts, bench: &Bench, params: &RunParams, sky: &Sky) {
+    pub(super) fn write(&self, facts: &mut Lines, bench: &Bench, params: &RunParams, sky: &Sky) {
         let [_, faintest] = sky.layers.magnitudes().map(f64::from);
         let drawn = f64::from(params.camera.limiting_mag);
         if let Some(sensitivity) = &self.sensitivity {
@@ -74,7 +74,7 @@ impl Sight {
     }
 
     /// Warns of a planned frame in which no star is, or none that the camera sees.
-    pub(super) fn write_frame(&self, facts: &mut Facts, number: u32, plan: &ExposurePlan) {
+    pub(super) fn write_frame(&self, facts: &mut Lines, number: u32, plan: &ExposurePlan) {
         if !self.is_planned {
             return;
         }
@@ -121,7 +121,7 @@ pub(crate) fn left_out(radiometry: &Radiometry, [drawn, faintest, seen]: [f64; 3
 }
 
 /// Warns of a field that has no star in most directions, where the directions of the run are not known.
-fn write_mean_stars(facts: &mut Facts, bench: &Bench, sky: &Sky) {
+fn write_mean_stars(facts: &mut Lines, bench: &Bench, sky: &Sky) {
     let stars: u64 = sky.layers.layers().map(StarIndex::stars).sum();
     let [width, height] = bench.camera.fov_deg().map(|side_deg| (0.5 * side_deg).to_radians());
     // The solid angle of a rectangular pyramid.
@@ -183,7 +183,7 @@ fn f_number(camera: &Camera) -> f64 {
 }
 
 /// Writes a warning for each number of a head's camera that no real camera has.
-pub(super) fn write_cameras(facts: &mut Facts, bench: &Bench) {
+pub(super) fn write_cameras(facts: &mut Lines, bench: &Bench) {
     let mut cameras = vec![&bench.camera];
     for head in &bench.extra_heads {
         if !cameras.contains(&&head.camera) {
@@ -213,7 +213,7 @@ const SUN_ANGLES_DEG: [f64; 5] = [20.0, 30.0, 45.0, 60.0, 85.0];
 
 /// Returns the illumination at the corners, constant background, and stray light against the Sun's angle; nothing when
 /// all is off.
-pub(super) fn write_light(facts: &mut Facts, camera: &CameraParams) {
+pub(super) fn write_light(facts: &mut Lines, camera: &CameraParams) {
     let exposure_s = camera.exposure_s;
     if !camera.illumination.is_even() {
         let corners = corners_px(camera);
@@ -222,10 +222,9 @@ pub(super) fn write_light(facts: &mut Facts, camera: &CameraParams) {
         let axis = camera.illumination.at(glam::DVec2::ZERO);
         let [ifov_x, ifov_y] = camera.geometry.ifov_rad();
         let per_px = camera.illumination.steepest_per_tangent() * ifov_x.max(ifov_y);
-        facts.fact(
-            "illumination",
-            format_args!("{axis:.4} on the axis, {least:.4} to {most:.4} in the corners, at most {per_px:.1e} per px"),
-        );
+        facts.named("illumination").line(format_args!(
+            "{axis:.4} on the axis, {least:.4} to {most:.4} in the corners, at most {per_px:.1e} per px"
+        ));
         if least == 0.0 {
             facts.warning("a corner is dark: window_radius_mm is small for this field, or the distance large");
         }
@@ -235,14 +234,11 @@ pub(super) fn write_light(facts: &mut Facts, camera: &CameraParams) {
         return;
     }
     let constant = light.constant();
-    facts.fact(
-        "background",
-        format_args!(
-            "{:.3} e- uniform, {:.3} e- of even sky, per pixel and exposure",
-            constant.uniform * exposure_s,
-            constant.sky * exposure_s
-        ),
-    );
+    facts.named("background").line(format_args!(
+        "{:.3} e- uniform, {:.3} e- of even sky, per pixel and exposure",
+        constant.uniform * exposure_s,
+        constant.sky * exposure_s
+    ));
     if let Some(stray) = &light.stray {
         let at = SUN_ANGLES_DEG.map(|deg| {
             let share = stray.baffle.transmittance.at(deg.to_radians());
@@ -265,7 +261,7 @@ pub(super) fn write_light(facts: &mut Facts, camera: &CameraParams) {
 
 /// Returns the background of one planned frame; nothing when there is none.
 pub(super) fn write_frame_light(
-    facts: &mut Facts,
+    facts: &mut Lines,
     light: &FieldLight,
     camera: &CameraParams,
     plan: &ExposurePlan,
@@ -275,13 +271,10 @@ pub(super) fn write_frame_light(
     }
     let (background, glare) = light.at(&plan.motion.los)?;
     let [gx, gy] = background.gradient_e;
-    facts.fact(
-        "background",
-        format_args!(
-            "{:.3} e- in the middle, ({gx:.3}, {gy:.3}) e- to the right and bottom, {:.3} e- outwards, sky {:.3} e-",
-            background.uniform_e, background.quadratic_e, background.sky_e
-        ),
-    );
+    facts.named("background").line(format_args!(
+        "{:.3} e- in the middle, ({gx:.3}, {gy:.3}) e- to the right and bottom, {:.3} e- outwards, sky {:.3} e-",
+        background.uniform_e, background.quadratic_e, background.sky_e
+    ));
     if !camera.background.sky.is_dark() {
         let corners = corners_px(camera).map(|px| camera.geometry.unproject(px));
         let (least, most) = light.sky_over(&plan.motion.los, corners)?;
@@ -326,7 +319,7 @@ mod camera_tests {
     fn warned(change: impl Fn(&mut Camera)) -> String {
         let mut bench = Bench::built_in().unwrap();
         change(&mut bench.camera);
-        let mut facts = Facts::default();
+        let mut facts = Lines::indented();
         write_cameras(&mut facts, &bench);
         facts.text
     }
@@ -365,7 +358,7 @@ mod camera_tests {
         let mut head = bench.first_head();
         head.camera.detector.pixel_pitch_um = 2000.0;
         bench.extra_heads = vec![head; 2];
-        let mut facts = Facts::default();
+        let mut facts = Lines::indented();
         write_cameras(&mut facts, &bench);
         assert_eq!(facts.text.matches("WARNING").count(), 1, "{}", facts.text);
     }

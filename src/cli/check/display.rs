@@ -2,13 +2,13 @@
 //!
 //! Input: a bench and the run that was made of it. Output: text. The numbers are those of `run::wiring::display_parts`.
 
-use crate::cli::check::facts::Facts;
+use crate::cli::lines::Lines;
 use anyhow::Result;
 use base::{time::Span, units::ARCSEC};
 use config::{Bench, DisplaySettings, Sink};
 use outputs::display::calibration::{Calibrated, Calibration};
 use outputs::display::{DisplayError, MonitorChoice, MonitorFacts, monitors};
-use outputs::{display::calibration::report::peak_share, display::latency::LatencySource, display::monitor::choose};
+use outputs::display::{calibration::report::peak_share, latency::LatencySource, monitor::choose};
 use plan::exposure::ExposurePlan;
 use run::wiring::display_parts::{CLOCKS_PPM, NO_CALIBRATION, NO_LATENCY, beat, calibrated_display, latency};
 use run::{runtime::RunParams, wiring::motion::script_scale};
@@ -18,7 +18,7 @@ use run::{runtime::RunParams, wiring::motion::script_scale};
 /// # Errors
 /// When a number of the beat is out of range.
 pub(super) fn write_display(
-    facts: &mut Facts,
+    facts: &mut Lines,
     bench: &Bench,
     params: &RunParams,
     calibration: Option<&Calibration>,
@@ -57,7 +57,7 @@ pub(super) fn write_display(
 }
 
 /// Warns of a monitor that cannot be opened here, or is of another size than the frames: a run refuses it.
-fn write_size(facts: &mut Facts, display: &DisplaySettings, params: &RunParams) {
+fn write_size(facts: &mut Lines, display: &DisplaySettings, params: &RunParams) {
     if display.params.window_px.is_some() || display.params.direct_scanout.is_some() {
         return;
     }
@@ -78,7 +78,7 @@ fn fits(found: &[MonitorFacts], choice: &MonitorChoice, image_px: [u32; 2]) -> R
 }
 
 /// Returns when frames are begun, when their light leaves, and how well that is known.
-fn write_times(facts: &mut Facts, bench: &Bench, params: &RunParams, calibration: &Calibration) {
+fn write_times(facts: &mut Lines, bench: &Bench, params: &RunParams, calibration: &Calibration) {
     let Some(settings) = calibrated_display(bench) else { return };
     let refresh_s = params.frame_period.s();
     let source = match (settings.params.latency, &calibration.latency) {
@@ -89,14 +89,11 @@ fn write_times(facts: &mut Facts, bench: &Bench, params: &RunParams, calibration
     };
     let latency_ms = latency(settings, Some(calibration)).unwrap_or(Span::ZERO).ms();
     let before_ms = params.ahead.ms() - 1e3 * params.camera.exposure_s;
-    facts.fact(
-        "display time",
-        format_args!(
-            "a frame is begun {before_ms:.2} ms before its light: 1.5 refreshes of {:.2} ms, up to 8 ms for greys, \
+    facts.named("display time").line(format_args!(
+        "a frame is begun {before_ms:.2} ms before its light: 1.5 refreshes of {:.2} ms, up to 8 ms for greys, \
          latency {latency_ms:.2} ms ({source})",
-            1e3 * refresh_s
-        ),
-    );
+        1e3 * refresh_s
+    ));
     let half_s = 0.5 * refresh_s;
     let off_arcsec = half_s * script_scale(bench).rate_rad_s / ARCSEC;
     facts.more(format_args!(
@@ -144,7 +141,7 @@ pub(super) fn display_limits(calibration: &Calibration, params: &RunParams) -> R
 }
 
 /// Returns stars of one planned frame that are too bright, or where the map is a guess.
-pub(super) fn write_frame_stars(facts: &mut Facts, limits: &DisplayLimits, plan: &ExposurePlan) {
+pub(super) fn write_frame_stars(facts: &mut Lines, limits: &DisplayLimits, plan: &ExposurePlan) {
     let DisplayLimits { calibrated, full_px_e, peak_share, brightest_mag } = limits;
     let size_px = [plan.camera.width_px(), plan.camera.height_px()].map(|side| side as f64 - 0.5);
     let is_shown = |[x, y]: [f64; 2]| x > -0.5 && y > -0.5 && x < size_px[0] && y < size_px[1];
@@ -176,7 +173,7 @@ mod display_tests {
     fn reported(text: &str) -> String {
         let bench = Bench::from_document(&Document::from_text(text, Path::new("b.toml"))).unwrap();
         let params = run_params(&bench, Tai::from_ns(0)).unwrap();
-        let mut facts = Facts::default();
+        let mut facts = Lines::indented();
         write_display(&mut facts, &bench, &params, None).unwrap();
         facts.text
     }

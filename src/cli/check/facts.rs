@@ -3,46 +3,29 @@
 //! Every line of the report with the word WARNING is one warning, whichever section says it: a bench with any is not
 //! called sound. What several frames share is counted once.
 
+use crate::cli::lines::{Lines, WARNING};
 use crate::cli::named::drawn_mag;
 use base::accuracy::AccuracyBudget;
 use config::Bench;
-use core::fmt::{Display, Write};
 use plan::exposure::ExposurePlan;
 use run::runtime::{Imager, RunParams};
 use serde_json::{Value, json};
 
-/// Word that makes a line of the report a warning.
-const WORD: &str = "WARNING";
-
 /// The facts of a file.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Facts {
-    pub(super) text: String,
+    pub(super) lines: Lines,
     bench: Value,
     plans: Vec<Value>,
 }
 
+impl Default for Facts {
+    fn default() -> Self {
+        Self { lines: Lines::indented(), bench: Value::Null, plans: Vec::new() }
+    }
+}
+
 impl Facts {
-    /// Adds a heading, a row of a table or an empty line.
-    pub(super) fn line(&mut self, words: impl Display) {
-        let _text_grows = writeln!(self.text, "{words}");
-    }
-
-    /// Adds a fact by its name.
-    pub(super) fn fact(&mut self, name: impl Display, words: impl Display) {
-        self.line(format_args!("  {name:<12} {words}"));
-    }
-
-    /// Adds more about the fact before.
-    pub(super) fn more(&mut self, words: impl Display) {
-        self.fact("", words);
-    }
-
-    /// Adds a warning.
-    pub(super) fn warning(&mut self, words: impl Display) {
-        self.fact(WORD, words);
-    }
-
     /// Takes what is known of the bench before anything is planned.
     pub(super) fn describe(&mut self, bench: &Bench, params: &RunParams, imager: &Imager, costs: &str) {
         let camera = &bench.camera;
@@ -108,7 +91,7 @@ impl Facts {
 /// Returns the warnings of a report in order, without the word, each once.
 pub(super) fn warnings(report: &str) -> Vec<&str> {
     let mut found: Vec<&str> = Vec::new();
-    for (_, words) in report.lines().filter_map(|line| line.split_once(WORD)) {
+    for (_, words) in report.lines().filter_map(|line| line.split_once(WARNING)) {
         let words = words.trim_start_matches([':', ' ']).trim_end();
         if !found.contains(&words) {
             found.push(words);
@@ -124,7 +107,7 @@ pub(super) fn verdict(what: &str, warnings: &[&str]) -> String {
     }
     let plural = if warnings.len() == 1 { "" } else { "s" };
     let lines = warnings.iter().zip(1..).map(|(words, number)| format!("  {number}. {words}\n"));
-    format!("{WORD}: {what}: {} warning{plural}\n{}\n", warnings.len(), lines.collect::<String>())
+    format!("{WARNING}: {what}: {} warning{plural}\n{}\n", warnings.len(), lines.collect::<String>())
 }
 
 #[cfg(test)]

@@ -33,7 +33,7 @@ fn plan(document: &Document, path: &Path) -> Result<String> {
     let flight = Flight::new(&plan, folder, Path::new(""))?;
     let requirements = sound((&plan, errors), &flight, folder, &|_| true)?;
     let mut text = format!("test plan \"{}\" is sound\n", plan.name);
-    writeln!(text, "  camera       {}", flight.camera_name())?;
+    writeln!(text, "  camera       {}", flight.camera_name)?;
     writeln!(text, "  tracker      {}", plan.tracker_name())?;
     let frames: u64 = plan.each().map(|(case, _)| u64::from(case.attitudes.count()) * u64::from(case.frames)).sum();
     writeln!(text, "  cases        {}, {frames} frames", plan.each().count())?;

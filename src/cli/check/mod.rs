@@ -12,7 +12,7 @@ mod scenario;
 
 use crate::cli::calibrate::{Costs, costs_here};
 use crate::cli::named::{drawn_text, radiometry_text};
-use crate::cli::{EXIT_DONE, EXIT_NOT_MET, frame_plan::FramePlans, report_json::print_json};
+use crate::cli::{EXIT_DONE, EXIT_NOT_MET, frame_plan::FramePlans, lines::Lines, report_json::print_json};
 use anyhow::Result;
 use attitude::{write_attitude, write_jitter};
 use base::clock::{Clock, Monotonic};
@@ -88,11 +88,11 @@ pub fn run(arguments: &CheckArgs) -> Result<u8> {
     let document = document.with_settings(settings);
     let scenario = Scenario::from_document(&document)?;
     let facts = checked(&scenario, arguments.built_in_costs)?;
-    let warnings = warnings(&facts.text);
+    let warnings = warnings(&facts.lines.text);
     if arguments.json {
         print_json("check", facts.with_warnings(&warnings))?;
     } else {
-        print!("{}{}", verdict(&name(&scenario), &warnings), facts.text);
+        print!("{}{}", verdict(&name(&scenario), &warnings), facts.lines.text);
     }
     Ok(status(arguments, &warnings))
 }
@@ -113,7 +113,7 @@ fn checked(scenario: &Scenario, only_built_in: bool) -> Result<Facts> {
     let mut facts = report(&scenario.bench, &scenario.plant, only_built_in)?;
     let is_plain = scenario.vehicle().is_none() && scenario.events.is_empty();
     if !is_plain {
-        facts.text = scenario::report(scenario)? + "\n" + &facts.text;
+        facts.lines.text = scenario::report(scenario)? + "\n" + &facts.lines.text;
     }
     Ok(facts)
 }
@@ -138,7 +138,7 @@ pub(super) fn warning_line(scenario: &Scenario, imager: &Imager, only_built_in: 
     bench.sinks.retain(|settings| !matches!(settings.sink, Sink::Display(_)));
     let prepared = run_params_of(&bench).ok()?;
     let facts = report_of(&bench, &scenario.plant, (prepared, imager), only_built_in).ok()?;
-    let warnings = warnings(&facts.text);
+    let warnings = warnings(&facts.lines.text);
     (!warnings.is_empty()).then(|| format!("WARNING: {}: {}", name(scenario), warnings.join("; ")))
 }
 
@@ -181,24 +181,24 @@ fn report_of(
     let mut facts = Facts::default();
     let sky = params.open_sky()?;
     let sight = Sight::of(bench, plant, &params);
-    describe(&mut facts, bench, &params, (imager, &sky, &sight), &costs)?;
+    describe(&mut facts.lines, bench, &params, (imager, &sky, &sight), &costs)?;
     facts.describe(bench, &params, imager, &costs.origin);
-    write_memory(&mut facts, bench);
-    display::write_display(&mut facts, bench, &params, calibration.as_ref())?;
-    write_defaults(&mut facts, bench);
-    facts.line("");
-    facts.line(CONVENTIONS);
-    attitude_file::write_files(&mut facts, bench, plant, &params);
-    write_attitude(&mut facts, bench, &params, motion_scale(plant, bench));
-    write_jitter(&mut facts, bench, &params);
+    write_memory(&mut facts.lines, bench);
+    display::write_display(&mut facts.lines, bench, &params, calibration.as_ref())?;
+    write_defaults(&mut facts.lines, bench);
+    facts.lines.line("");
+    facts.lines.line(CONVENTIONS);
+    attitude_file::write_files(&mut facts.lines, bench, plant, &params);
+    write_attitude(&mut facts.lines, bench, &params, motion_scale(plant, bench));
+    write_jitter(&mut facts.lines, bench, &params);
     let computer = || FlightComputer::new(bench_parts::flight_computer_of(plant, bench, start, params.first_exposure));
-    bodies::write_targets(&mut facts, &params, &computer());
+    bodies::write_targets(&mut facts.lines, &params, &computer());
     plans(&mut facts, bench, computer(), (&params, limits.as_ref(), &sight), (imager, &sky))?;
     Ok(facts)
 }
 
 fn describe(
-    facts: &mut Facts,
+    facts: &mut Lines,
     bench: &Bench,
     params: &RunParams,
     (imager, sky, sight): (&Imager, &Sky, &Sight),
@@ -207,16 +207,13 @@ fn describe(
     let camera = &bench.camera;
     let [fov_x, fov_y] = camera.fov_deg();
     facts.line(format_args!("bench \"{}\"", bench.name));
-    facts.fact(
-        "camera",
-        format_args!(
-            "\"{}\": {} x {} px, {fov_x:.2} x {fov_y:.2} deg, {:.2} arcsec/px",
-            camera.name,
-            camera.detector.width_px,
-            camera.detector.height_px,
-            camera.ifov_arcsec()
-        ),
-    );
+    facts.named("camera").line(format_args!(
+        "\"{}\": {} x {} px, {fov_x:.2} x {fov_y:.2} deg, {:.2} arcsec/px",
+        camera.name,
+        camera.detector.width_px,
+        camera.detector.height_px,
+        camera.ifov_arcsec()
+    ));
     facts.fact("radiometry", radiometry_text(camera));
     let zero_point = camera.star_light().zero_point_e_per_s();
     let light =
@@ -236,26 +233,24 @@ fn describe(
     } else {
         format!("{:.4} s before it begins", -after_s - exposed.exposure_s)
     };
-    facts.fact(
-        "frames",
-        format_args!(
-            "{} at {} Hz, exposure {} s, due {due}, late ones {}",
-            params.frames,
-            bench.timing.frame_rate_hz,
-            exposed.exposure_s,
-            late_frames(params.deadline_policy)
-        ),
-    );
+    facts.named("frames").line(format_args!(
+        "{} at {} Hz, exposure {} s, due {due}, late ones {}",
+        params.frames,
+        bench.timing.frame_rate_hz,
+        exposed.exposure_s,
+        late_frames(params.deadline_policy)
+    ));
     facts.fact("backend", format_args!("{} ({})", imager.name(), imager.description()));
     if let Some(note) = imager.note() {
         facts.more(note);
     }
     if !bench.extra_heads.is_empty() {
         let mountings: Vec<String> = bench.mountings().iter().map(|head| format!("{:.4?}", head.wxyz())).collect();
-        facts.fact(
-            "heads",
-            format_args!("{}, drawn in turn, sensor_from_body {}", mountings.len(), mountings.join(" ")),
-        );
+        facts.named("heads").line(format_args!(
+            "{}, drawn in turn, sensor_from_body {}",
+            mountings.len(),
+            mountings.join(" ")
+        ));
     }
     for (place, words) in described_lines(&bench.sinks) {
         facts.fact(place, words);
@@ -274,19 +269,16 @@ fn describe(
         facts.fact("detector", format_args!("{readout_ms:.2} ms predicted, with {}", effects.join(", ")));
     }
     let budget = &params.budget;
-    facts.fact(
-        "budget",
-        format_args!(
-            "centroid {} px, flux {}, pixel {} sigma, line of sight {} arcsec",
-            budget.centroid_px, budget.flux_rel, budget.pixel_sigma, budget.los_arcsec
-        ),
-    );
+    facts.named("budget").line(format_args!(
+        "centroid {} px, flux {}, pixel {} sigma, line of sight {} arcsec",
+        budget.centroid_px, budget.flux_rel, budget.pixel_sigma, budget.los_arcsec
+    ));
     Ok(())
 }
 
 /// Writes the memory that a run takes, on the real clock where its sinks have queues, and whether there is as much
 /// here.
-fn write_memory(facts: &mut Facts, bench: &Bench) {
+fn write_memory(facts: &mut Lines, bench: &Bench) {
     let memory = RunMemory::of(bench, &bench.sinks, RunForm { is_real: true, has_view: false });
     facts.fact("memory", memory.in_words());
     if let Err(error) = memory.check() {
@@ -295,19 +287,16 @@ fn write_memory(facts: &mut Facts, bench: &Bench) {
 }
 
 /// Returns the stars that layers have, and whether bright ones are missing.
-fn write_stars(facts: &mut Facts, params: &RunParams, sky: &Sky) {
+fn write_stars(facts: &mut Lines, params: &RunParams, sky: &Sky) {
     let Sky { layers, most_stars } = sky;
     let [from, faintest] = layers.magnitudes();
     if !layers.is_in_memory() {
         let stars: u64 = layers.layers().map(StarIndex::stars).sum();
-        facts.fact(
-            "stars",
-            format_args!(
-                "{stars} in {} layers to G = {faintest}, at most {most_stars} of them in memory ({} MiB)",
-                layers.layers().len(),
-                params.star_memory_mb
-            ),
-        );
+        facts.named("stars").line(format_args!(
+            "{stars} in {} layers to G = {faintest}, at most {most_stars} of them in memory ({} MiB)",
+            layers.layers().len(),
+            params.star_memory_mb
+        ));
         if from > f32::NEG_INFINITY {
             facts
                 .warning(format_args!("stars brighter than G = {from} are missing from the frames: no layer has them"));
@@ -315,7 +304,7 @@ fn write_stars(facts: &mut Facts, params: &RunParams, sky: &Sky) {
     }
 }
 
-fn write_defaults(facts: &mut Facts, bench: &Bench) {
+fn write_defaults(facts: &mut Lines, bench: &Bench) {
     for (what, list) in [("bench", &bench.defaulted), ("camera", &bench.camera.defaulted)] {
         for default in list {
             facts.fact("default", format_args!("{what}: {} = {}", default.key, default.value));
@@ -332,15 +321,15 @@ fn plans(
     (imager, sky): (&Imager, &Sky),
 ) -> Result<()> {
     let planned = Planned::new(bench, params, imager);
-    plans::write_sampling(facts, params);
-    plans::write_degradations(facts, &planned);
+    plans::write_sampling(&mut facts.lines, params);
+    plans::write_degradations(&mut facts.lines, &planned);
     let mut frames = FramePlans::new(computer, params, sky);
     let last = params.frames.saturating_sub(1);
     let mut numbers = vec![0, last / 2, last];
     numbers.dedup();
     for number in numbers {
         if !frames.has_attitude(number) {
-            facts.line(format_args!("frame {number} has no attitude: nothing is planned for it"));
+            facts.lines.line(format_args!("frame {number} has no attitude: nothing is planned for it"));
             continue;
         }
         let mut planner = frames.planner(planned.cost, planned.limit_ms);
@@ -348,15 +337,15 @@ fn plans(
             planner = planner.exact();
         }
         let plan = frames.plan(number, &mut planner)?;
-        plans::write_plan(facts, number, plan, &planned);
+        plans::write_plan(&mut facts.lines, number, plan, &planned);
         facts.plan(number, plan);
-        sight.write_frame(facts, number, plan);
-        camera::write_frame_light(facts, &frames.scene().light, &params.camera, plan)?;
-        if let Some(bodies) = &frames.scene().bodies {
-            bodies::write_frame_bodies(facts, bodies, &params.camera, plan)?;
+        sight.write_frame(&mut facts.lines, number, plan);
+        camera::write_frame_light(&mut facts.lines, &frames.scene.light, &params.camera, plan)?;
+        if let Some(bodies) = &frames.scene.bodies {
+            bodies::write_frame_bodies(&mut facts.lines, bodies, &params.camera, plan)?;
         }
         if let Some(limits) = limits {
-            display::write_frame_stars(facts, limits, plan);
+            display::write_frame_stars(&mut facts.lines, limits, plan);
         }
     }
     Ok(())
@@ -376,7 +365,7 @@ mod tests {
     use super::*;
 
     fn report(bench: &Bench, only_built_in: bool) -> Result<String> {
-        Ok(super::report(bench, &Plant::FlightComputer, only_built_in)?.text)
+        Ok(super::report(bench, &Plant::FlightComputer, only_built_in)?.lines.text)
     }
 
     #[test]
@@ -402,7 +391,7 @@ mod tests {
     fn a_scenario_is_explained_with_its_bench() {
         let of = |file: &str| {
             let scenario = Scenario::from_document(&Document::built_in(file).unwrap()).unwrap();
-            (checked(&scenario, true).unwrap().text, name(&scenario))
+            (checked(&scenario, true).unwrap().lines.text, name(&scenario))
         };
         let (text, name) = of("scenarios/three_heads.toml");
         assert_eq!(verdict(&name, &warnings(&text)), "scenario \"three heads\" is sound\n");
@@ -452,7 +441,7 @@ mod tests {
     fn memory_of_a_run_is_added_up_and_one_that_does_not_fit_is_a_warning() {
         let mut bench = Bench::built_in().unwrap();
         let memory = |bench: &Bench| {
-            let mut facts = Facts::default();
+            let mut facts = Lines::indented();
             write_memory(&mut facts, bench);
             facts.text
         };

@@ -3,8 +3,7 @@
 //! Input: a plan of the frame planner. Output: text. Predictions are for the real clock of this machine; nothing is
 //! drawn here.
 
-use crate::cli::check::facts::Facts;
-use crate::cli::frame_plan::over_budget_text;
+use crate::cli::{frame_plan::over_budget_text, lines::Lines};
 use base::accuracy::AccuracyBudget;
 use config::{Bench, Degrade};
 use plan::exposure::plan::{Assessment, MOTION_SHARE, Verdict};
@@ -44,7 +43,7 @@ impl Planned {
 }
 
 /// Writes how pixel values are computed from the PSF, and the errors of the other methods.
-pub(super) fn write_sampling(facts: &mut Facts, params: &RunParams) {
+pub(super) fn write_sampling(facts: &mut Lines, params: &RunParams) {
     let (camera, budget) = (&params.camera, &params.budget);
     let full_well_e = camera.detector.full_well_e;
     let noise_e = full_well_e.sqrt().hypot(camera.detector.read_noise_e_rms);
@@ -72,7 +71,7 @@ pub(super) fn write_sampling(facts: &mut Facts, params: &RunParams) {
 }
 
 /// Writes the degradation levels, in order, for frames short of time.
-pub(super) fn write_degradations(facts: &mut Facts, planned: &Planned) {
+pub(super) fn write_degradations(facts: &mut Lines, planned: &Planned) {
     let when = match planned.degrade {
         _ if planned.limit_ms.is_none() && planned.degrade != Degrade::Never => "never: the reference takes its time",
         Degrade::OnRealClock => "on the real clock (timing.degrade = \"real_clock\")",
@@ -82,13 +81,10 @@ pub(super) fn write_degradations(facts: &mut Facts, planned: &Planned) {
     let Planned { budget_ms, readout_ms, due_ms, .. } = *planned;
     facts.line("degradation levels, in the order in which they are taken when drawing would take too long");
     facts.fact("when", when);
-    facts.fact(
-        "time",
-        format_args!(
-            "a frame is due {due_ms:.1} ms after its exposure: {budget_ms:.1} ms to draw it, {readout_ms:.1} ms for \
+    facts.named("time").line(format_args!(
+        "a frame is due {due_ms:.1} ms after its exposure: {budget_ms:.1} ms to draw it, {readout_ms:.1} ms for \
          the detector, the rest for everything else"
-        ),
-    );
+    ));
     if budget_ms <= 0.0 {
         facts.warning("the detector alone takes longer than there is: frames will be late at any level");
     }
@@ -100,7 +96,7 @@ pub(super) fn write_degradations(facts: &mut Facts, planned: &Planned) {
 }
 
 /// Returns one frame's plan.
-pub(super) fn write_plan(facts: &mut Facts, number: u32, plan: &ExposurePlan, planned: &Planned) {
+pub(super) fn write_plan(facts: &mut Lines, number: u32, plan: &ExposurePlan, planned: &Planned) {
     let (stars, reach) = (plan.stars.len(), plan.reach_px);
     let rate_deg_s = plan.motion.los.rate_rad_s.length().to_degrees();
     facts.line(format_args!(
@@ -119,29 +115,22 @@ pub(super) fn write_plan(facts: &mut Facts, number: u32, plan: &ExposurePlan, pl
         facts
             .fact("PSF", format_args!("{columns} x {rows} over the field; every star is a blend of the four about it"));
     }
-    facts.fact(
-        "footprint",
-        format_args!("{side_px} x {side_px} px about every node: {lost:.1e} of a star's light is lost at most"),
-    );
+    facts
+        .named("footprint")
+        .line(format_args!("{side_px} x {side_px} px about every node: {lost:.1e} of a star's light is lost at most"));
     if let Some(whole) = plan.classes.iter().find(|class| class.is_whole) {
         let (side_px, lost) = (2 * plan.whole.half_px + 1, plan.psf.lost_flux(plan.whole.half_px));
-        facts.fact(
-            "whole",
-            format_args!(
-                "{} stars of {:.2e} e- and more: {side_px} x {side_px} px, {lost:.1e} is lost at most",
-                whole.stars, whole.faintest_e
-            ),
-        );
+        facts.named("whole").line(format_args!(
+            "{} stars of {:.2e} e- and more: {side_px} x {side_px} px, {lost:.1e} is lost at most",
+            whole.stars, whole.faintest_e
+        ));
     }
     let cut = &plan.cut_off;
     if cut.stars > 0 {
-        facts.fact(
-            "left out",
-            format_args!(
-                "{} stars with {:.3e} e- together: no pixel lacks more than {:.3e} e-",
-                cut.stars, cut.electrons, cut.most_in_pixel_e
-            ),
-        );
+        facts.named("left out").line(format_args!(
+            "{} stars with {:.3e} e- together: no pixel lacks more than {:.3e} e-",
+            cut.stars, cut.electrons, cut.most_in_pixel_e
+        ));
     }
     write_time(facts, plan, planned);
 }
@@ -155,7 +144,7 @@ fn is_reported(assessment: &Assessment, plan: &ExposurePlan) -> bool {
 }
 
 /// Returns the stars by brightness, when they are drawn by more than one method.
-fn write_classes(facts: &mut Facts, plan: &ExposurePlan) {
+fn write_classes(facts: &mut Lines, plan: &ExposurePlan) {
     if plan.classes.len() < 2 {
         return;
     }
@@ -176,16 +165,13 @@ fn write_classes(facts: &mut Facts, plan: &ExposurePlan) {
     }
 }
 
-fn write_time(facts: &mut Facts, plan: &ExposurePlan, planned: &Planned) {
+fn write_time(facts: &mut Lines, plan: &ExposurePlan, planned: &Planned) {
     let Planned { budget_ms, readout_ms, due_ms, .. } = *planned;
     let draw_ms = plan.chosen.cost_ms;
-    facts.fact(
-        "time",
-        format_args!(
-            "drawing {draw_ms:.1} ms of the {budget_ms:.1} ms there are, detector {readout_ms:.1} ms, due after \
+    facts.named("time").line(format_args!(
+        "drawing {draw_ms:.1} ms of the {budget_ms:.1} ms there are, detector {readout_ms:.1} ms, due after \
          {due_ms:.1} ms"
-        ),
-    );
+    ));
     let degradation = plan.degradation;
     let late = if draw_ms > budget_ms { "; WARNING: it will be late all the same" } else { "" };
     let over = over_budget_text(plan, &planned.budget);

@@ -3,7 +3,7 @@
 //! Input: a checked scenario. Output: text. All parts of the loop are made once, so that what only a run would refuse
 //! (a wheel that is not there) is refused here.
 
-use crate::cli::check::facts::Facts;
+use crate::cli::lines::Lines;
 use anyhow::Result;
 use base::units::DEG;
 use config::{Action, Event, Expect, ExpectFrames, Pointing, Scenario, Vehicle};
@@ -25,7 +25,7 @@ fn make_once(scenario: &Scenario) -> Result<()> {
     Ok(())
 }
 
-fn write_frames_expected(facts: &mut Facts, expect: &ExpectFrames) {
+fn write_frames_expected(facts: &mut Lines, expect: &ExpectFrames) {
     let limits = &expect.limits;
     let limits = [
         ("late frames, at most", limits.late),
@@ -52,7 +52,7 @@ fn write_frames_expected(facts: &mut Facts, expect: &ExpectFrames) {
 /// When it cannot be flown.
 pub(super) fn report(scenario: &Scenario) -> Result<String> {
     make_once(scenario)?;
-    let mut facts = Facts::default();
+    let mut facts = Lines::indented();
     let Some(vehicle) = scenario.vehicle() else {
         if scenario.bench.is_lockstep() {
             facts.line(
@@ -77,16 +77,15 @@ pub(super) fn report(scenario: &Scenario) -> Result<String> {
     Ok(facts.text)
 }
 
-fn write_flight(facts: &mut Facts, scenario: &Scenario, vehicle: &Vehicle) {
+fn write_flight(facts: &mut Lines, scenario: &Scenario, vehicle: &Vehicle) {
     let (bench, spacecraft, heads) = (&scenario.bench, &vehicle.spacecraft, scenario.bench.mountings());
     facts.line(format_args!("scenario \"{}\"", scenario.name));
     facts.fact("bench", format_args!("\"{}\"", bench.name));
     let wheels = spacecraft.params.wheels.len();
     let period_ms = spacecraft.control.period.s() * 1e3;
-    facts.fact(
-        "spacecraft",
-        format_args!("\"{}\": {wheels} wheels, a control step every {period_ms} ms", spacecraft.name),
-    );
+    facts
+        .named("spacecraft")
+        .line(format_args!("\"{}\": {wheels} wheels, a control step every {period_ms} ms", spacecraft.name));
     facts.fact("run", format_args!("{} s, seed {}", bench.timing.duration_s, bench.seed));
     let mountings: Vec<String> = heads.iter().map(|head| format!("{:.4?}", head.wxyz())).collect();
     facts.fact("heads", format_args!("{}, sensor_from_body {}", heads.len(), mountings.join(" ")));
@@ -94,19 +93,16 @@ fn write_flight(facts: &mut Facts, scenario: &Scenario, vehicle: &Vehicle) {
     let rate_deg_s = (vehicle.initial_rate_rad_s / DEG).to_array();
     facts.fact("start", format_args!("{start}, rate {rate_deg_s:.4?} deg/s"));
     facts.fact("target", pointing(&vehicle.target));
-    facts.fact(
-        "tracker",
-        format_args!(
-            "{} ms after readout, {} brightest stars, time tags off by {} ms; torque {} ms late",
-            vehicle.tracker_delay.s() * 1e3,
-            vehicle.tracker_stars,
-            vehicle.tag_error.s() * 1e3,
-            vehicle.actuation_delay.s() * 1e3
-        ),
-    );
+    facts.named("tracker").line(format_args!(
+        "{} ms after readout, {} brightest stars, time tags off by {} ms; torque {} ms late",
+        vehicle.tracker_delay.s() * 1e3,
+        vehicle.tracker_stars,
+        vehicle.tag_error.s() * 1e3,
+        vehicle.actuation_delay.s() * 1e3
+    ));
 }
 
-fn write_events(facts: &mut Facts, events: &[Event]) {
+fn write_events(facts: &mut Lines, events: &[Event]) {
     if events.is_empty() {
         return facts.fact("events", "none");
     }
@@ -140,7 +136,7 @@ fn values(action: &Action) -> String {
     }
 }
 
-fn write_expectations(facts: &mut Facts, expect: &Expect) {
+fn write_expectations(facts: &mut Lines, expect: &Expect) {
     facts.fact("expected", format_args!("judged: the last {} s", expect.window_s));
     let numbers = [
         ("fine pointing reached: within", expect.fine_pointing_within_s, " s"),

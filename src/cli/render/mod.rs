@@ -4,15 +4,10 @@ pub mod input;
 pub mod output;
 
 use crate::cli::check::camera::{left_out, seen_mag};
-use crate::cli::named::{declination_deg, right_ascension_deg};
-use crate::cli::named::{drawn_text, named_camera, warn_of_wcs};
-use crate::cli::render::input::{Series, numbered};
-use crate::cli::render::input::{four, read_los, read_los_samples, read_sources, three};
-use crate::cli::render::output::{Format, format_of, write_dn, write_electrons, write_truth};
-use crate::cli::{
-    frame_plan::over_budget_text, named::KernelArgs, render::output::WrittenImage, report_json::print_json,
-    run::args::BackendName,
-};
+use crate::cli::named::{KernelArgs, declination_deg, drawn_text, named_camera, right_ascension_deg, warn_of_wcs};
+use crate::cli::render::input::{Series, four, numbered, read_los, read_los_samples, read_sources, three};
+use crate::cli::render::output::{Format, WrittenImage, format_of, write_dn, write_electrons, write_truth};
+use crate::cli::{frame_plan::over_budget_text, report_json::print_json, run::args::BackendName};
 use anyhow::{Context, Result, bail};
 use base::axes::{Icrf, Rotation, Sensor, WRITTEN_NORM_TOLERANCE, sensor_from_ra_dec_roll};
 use base::least_squares::median;
@@ -257,8 +252,8 @@ impl Scene {
         let sources = arguments.sources.as_deref().map(read_sources).transpose()?;
         if sources.is_none() {
             let limiting_mag = still.params().camera.limiting_mag;
-            notes(span[0], limiting_mag, still.faintest_mag()).iter().for_each(|note| eprintln!("{note}"));
-            let (drawn, faintest) = (f64::from(limiting_mag), f64::from(still.faintest_mag()));
+            notes(span[0], limiting_mag, still.faintest_mag).iter().for_each(|note| eprintln!("{note}"));
+            let (drawn, faintest) = (f64::from(limiting_mag), f64::from(still.faintest_mag));
             let seen = seen_mag(still.params()).filter(|_| drawn <= faintest);
             let what = seen.and_then(|seen| left_out(&bench.camera.radiometry, [drawn, faintest, seen]));
             what.iter().for_each(|what| eprintln!("note: {what}"));

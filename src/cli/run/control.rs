@@ -7,12 +7,11 @@ use config::Scenario;
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use frames::sink::SentFrame;
-use run::runtime::RunRecord;
 use run::wiring::control::{
     ControlAddress, ControlListener, ControlRefusals, ControlSession, NewestFrames, SessionEnd, Stage, Steered,
 };
 use run::wiring::run_end::{LoopView, RunEnd};
-use run::wiring::{assemble::Run, steering::Steering, stepped::SteppedRun};
+use run::{runtime::RunRecord, wiring::assemble::Run, wiring::steering::Steering, wiring::stepped::SteppedRun};
 use serde_json::Value;
 use std::{path::Path, sync::Arc};
 

@@ -9,7 +9,7 @@ use frames::report::plot::{Axis, Chart, Series, Style, to_svg};
 use frames::{report::EventLine, sink::replace_own_file};
 use run::runtime::ledger::{EARLY, KEPT};
 use run::runtime::{EventKind, RunRecord};
-use run::{wiring::assemble::OnRow, wiring::assessment::mode_name};
+use run::wiring::{assemble::OnRow, assessment::mode_name};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::io::{BufWriter, Write};

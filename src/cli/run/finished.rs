@@ -1,6 +1,6 @@
 //! A run that has ended, and everything it ran with.
 
-use crate::cli::{run::args::ClockKind, run::control::Client};
+use crate::cli::run::{args::ClockKind, control::Client};
 use config::{Bench, Scenario};
 use frames::report::{FrameAccount, FrameEnd, RunSummary, RunVerdict, Stage};
 use run::{runtime::FrameEngine, wiring::run_end::RunEnd};

@@ -13,10 +13,9 @@ use crate::cli::run::args::{CaptureFormatName, ClockKind, RunArgs};
 use crate::cli::run::control::{Client, Controlled, control_steered, control_stepped, listen, steering};
 use crate::cli::run::files::{TelemetryFile, telemetry_file};
 use crate::cli::terminal::{Monitor, sender};
-use crate::cli::{budget_report, named, provenance, signals};
 use crate::cli::{
-    budget_report::budget_report, calibrate::costs_here, check::warning_line, named::warn_of_wcs,
-    run::finished::Finished,
+    budget_report, budget_report::budget_report, calibrate::costs_here, check::warning_line, named, named::warn_of_wcs,
+    provenance, run::finished::Finished, signals,
 };
 use anyhow::{Context, Result, bail};
 use base::clock::{Clock, Monotonic, Stopwatch};
@@ -28,10 +27,7 @@ use frames::report::{HygieneLine, RunSummary};
 use run::runtime::{Hygiene, HygieneParams, Imager};
 use run::wiring::assemble::{Outputs, Run, RunOptions};
 use run::wiring::memory::{RunForm, RunMemory};
-use run::{
-    wiring::capture_tap::CaptureOptions, wiring::live_tap::LiveOptions, wiring::sinks::run_directory,
-    wiring::verdict::CutShort,
-};
+use run::wiring::{capture_tap::CaptureOptions, live_tap::LiveOptions, sinks::run_directory, verdict::CutShort};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 

@@ -1,10 +1,8 @@
 //! `report.html`: a run on one page that needs no other file, written after the run has ended.
 
 use crate::cli::run::finished::{Finished, verdict_line};
-use crate::cli::run::page_parts::{Page, chart_of_pointing};
-use crate::cli::run::page_parts::{Recording, Sample, recording};
-use crate::cli::{budget_report::limits, run::args::ClockKind, run::page_parts::timeline, run::report::ScenarioReport};
-use crate::cli::{provenance, run::files};
+use crate::cli::run::page_parts::{Page, Recording, Sample, chart_of_pointing, recording, timeline};
+use crate::cli::{budget_report::limits, provenance, run::args::ClockKind, run::files, run::report::ScenarioReport};
 use base::input_file::{DATA_BYTES, read_bytes, read_text};
 use frames::report::{BudgetLine, FrameEnd, budget_lines};
 use performance::provenance::Provenance;

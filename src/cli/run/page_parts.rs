@@ -5,7 +5,7 @@ use base::input_file::{DATA_BYTES, InputFile};
 use base::{image::DnImage, time::Tai, xml::escaped};
 use core::fmt::Write;
 use frames::report::plot::{Axis, Chart, Series, Style, to_svg};
-use frames::{sink::fits::FitsImage, sink::png::write_dn_for_people, sink::recorder::frame_path};
+use frames::sink::{fits::FitsImage, png::write_dn_for_people, recorder::frame_path};
 use run::runtime::{EventKind, RunRecord};
 use serde::Deserialize;
 use std::io::BufReader;

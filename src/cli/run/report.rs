@@ -1,7 +1,7 @@
 //! Results of a scenario: JSON for machines, a table for people.
 
+use crate::cli::lines::Lines;
 use config::Scenario;
-use core::fmt::Write;
 use frames::report::{FrameAccount, FrameCounts, Losses, Machine, RunVerdict, RunWord, SinkLine};
 use run::runtime::note_lost_reader;
 use run::wiring::assessment::{ModeLine, Verdict, WindowErrors};
@@ -162,109 +162,107 @@ impl ScenarioReport {
 
 /// Returns the report for people; of a run without a spacecraft its faults and expectations only.
 pub fn table(report: &ScenarioReport, details: bool, is_flown: bool) -> String {
-    let mut text = String::new();
-    let flown = if is_flown { write_flight(&mut text, report, details) } else { Ok(()) };
-    let written = flown.and_then(|()| write_faults(&mut text, report)).and_then(|()| write_verdicts(&mut text, report));
-    written.expect("a string takes everything");
-    text
+    let mut lines = Lines::new("", 9);
+    if is_flown {
+        write_flight(&mut lines, report, details);
+    }
+    write_faults(&mut lines, report);
+    write_verdicts(&mut lines, report);
+    lines.text
 }
 
-fn write_flight(text: &mut String, report: &ScenarioReport, details: bool) -> core::fmt::Result {
+fn write_flight(lines: &mut Lines, report: &ScenarioReport, details: bool) {
     let frames = &report.frames;
-    writeln!(text, "scenario  {} (seed {})", report.scenario, report.seed)?;
-    writeln!(
-        text,
-        "time      {:.1} s simulated in {:.1} s: {:.1} simulated hours per hour",
+    lines.fact("scenario", format_args!("{} (seed {})", report.scenario, report.seed));
+    lines.named("time").line(format_args!(
+        "{:.1} s simulated in {:.1} s: {:.1} simulated hours per hour",
         report.simulated_s, report.wall_s, report.speed
-    )?;
-    writeln!(
-        text,
-        "frames    {} scheduled, {} delivered, {} dropped, {} blank; CRC-32 {}, telemetry {}",
+    ));
+    lines.named("frames").line(format_args!(
+        "{} scheduled, {} delivered, {} dropped, {} blank; CRC-32 {}, telemetry {}",
         frames.scheduled,
         frames.delivered,
         frames.dropped,
         frames.blank,
         report.frames_crc32.join(" "),
         report.telemetry_crc32
-    )?;
-    writeln!(
-        text,
-        "truth     {} frames held to the true attitude, at most {:.4} arcsec from it",
+    ));
+    lines.named("truth").line(format_args!(
+        "{} frames held to the true attitude, at most {:.4} arcsec from it",
         report.frames_held_to_truth, report.largest_rendered_error_arcsec
-    )?;
-    writeln!(
-        text,
-        "tracker   attitude in {:.2} % of the telemetry; {} used, {} gated, {} without time tag, {} starts of \
-         the estimator",
+    ));
+    lines.named("tracker").line(format_args!(
+        "attitude in {:.2} % of the telemetry; {} used, {} gated, {} without time tag, {} starts of the \
+         estimator",
         100.0 * report.tracker_availability,
         report.attitudes_used,
         report.attitudes_gated,
         report.frames_untagged,
         report.estimator_starts
-    )?;
-    for (name, errors) in [("pointing ", report.pointing), ("knowledge", report.knowledge)] {
+    ));
+    for (name, errors) in [("pointing", report.pointing), ("knowledge", report.knowledge)] {
         if let (Some(boresight), Some(roll), Some(largest)) =
             (errors.boresight_arcsec, errors.roll_arcsec, errors.largest_boresight_arcsec)
         {
-            writeln!(
-                text,
-                "{name} boresight {boresight:.3} arcsec rms (largest {largest:.3}), roll {roll:.3} arcsec rms"
-            )?;
+            lines.named(name).line(format_args!(
+                "boresight {boresight:.3} arcsec rms (largest {largest:.3}), roll {roll:.3} arcsec rms"
+            ));
         }
     }
     if !details {
-        return Ok(());
+        return;
     }
     if let Some(predicted) = report.predicted_pointing_arcsec {
-        writeln!(text, "predicted boresight {predicted:.3} arcsec rms by linear theory")?;
+        lines.fact("predicted", format_args!("boresight {predicted:.3} arcsec rms by linear theory"));
     }
     if let Some(angle) = report.least_sun_angle_deg {
-        writeln!(text, "Sun       never nearer than {angle:.2} deg to the kept boresight")?;
+        lines.fact("Sun", format_args!("never nearer than {angle:.2} deg to the kept boresight"));
     }
     if let (Some(arcsec), Some(hz)) = (report.largest_vibration_arcsec, report.wheel_speed_then_hz) {
-        writeln!(text, "vibration at most {arcsec:.3} arcsec, with a wheel at {hz:.2} revolutions per second")?;
+        lines
+            .named("vibration")
+            .line(format_args!("at most {arcsec:.3} arcsec, with a wheel at {hz:.2} revolutions per second"));
     }
     for mode in report.modes.iter().take(20) {
-        writeln!(text, "mode      {:9.1} s  {} -> {} ({})", mode.t_s, mode.from, mode.to, mode.cause)?;
+        lines.named("mode").line(format_args!("{:9.1} s  {} -> {} ({})", mode.t_s, mode.from, mode.to, mode.cause));
     }
-    Ok(())
 }
 
-fn write_faults(text: &mut String, report: &ScenarioReport) -> core::fmt::Result {
+fn write_faults(lines: &mut Lines, report: &ScenarioReport) {
     for fault in report.faults.iter().take(40) {
         if fault.from_s.is_infinite() {
-            writeln!(text, "fault     not triggered           {}", fault.name)?;
+            lines.fact("fault", format_args!("not triggered           {}", fault.name));
             continue;
         }
-        writeln!(
-            text,
-            "fault     {:9.1} s .. {:9.1} s  {}: {} hit",
+        lines.named("fault").line(format_args!(
+            "{:9.1} s .. {:9.1} s  {}: {} hit",
             fault.from_s, fault.until_s, fault.name, fault.hits
-        )?;
+        ));
     }
     for sink in report.sinks.iter().filter(|sink| sink.dropped + sink.refused > 0 || report.sinks.len() > 1) {
         let SinkLine { place, kind, frames, dropped, refused, first_error, .. } = sink;
         let error = first_error.as_ref().map(|error| format!("; first failure: {error}")).unwrap_or_default();
-        writeln!(text, "sink      {place} ({kind}): {frames} taken, {dropped} dropped, {refused} refused{error}")?;
+        lines
+            .named("sink")
+            .line(format_args!("{place} ({kind}): {frames} taken, {dropped} dropped, {refused} refused{error}"));
     }
     for refusal in &report.refusals {
-        writeln!(text, "refused   {refusal}")?;
+        lines.fact("refused", refusal);
     }
     for (reason, count) in &report.control_refusals {
-        writeln!(text, "control   {count} connections refused: {reason}")?;
+        lines.fact("control", format_args!("{count} connections refused: {reason}"));
     }
-    Ok(())
 }
 
 /// Writes what was expected, what broke, and the last line.
-fn write_verdicts(text: &mut String, report: &ScenarioReport) -> core::fmt::Result {
+fn write_verdicts(lines: &mut Lines, report: &ScenarioReport) {
     for verdict in &report.verdicts {
-        let mark = if verdict.passed { "ok    " } else { "FAILED" };
-        writeln!(text, "{mark}    {}: wanted {}, got {}", verdict.name, verdict.wanted, verdict.got)?;
+        let mark = if verdict.passed { "ok" } else { "FAILED" };
+        lines.named(mark).line(format_args!("{}: wanted {}, got {}", verdict.name, verdict.wanted, verdict.got));
     }
     for line in &report.violation_lines {
-        writeln!(text, "BROKEN    {line}")?;
+        lines.fact("BROKEN", line);
     }
     let held = if report.violations == 0 { "all held".into() } else { format!("{} violations", report.violations) };
-    writeln!(text, "invariants: {held}")
+    lines.line(format_args!("invariants: {held}"));
 }

@@ -1,8 +1,7 @@
 //! A report as one HTML file that needs no other.
 
 use crate::record::{Judged, JudgedCase, Use};
-use crate::report::{CaseRow, Report};
-use crate::report::{data_of, measured, missing, number, percent, rule};
+use crate::report::{CaseRow, Report, data_of, measured, missing, number, percent, rule};
 use crate::requirements::{Judgement, Outcome, Verdict};
 use crate::{assess::Assessment, metric::Metric, noise::SINE, provenance::FileHash};
 use base::{units::ARCSEC, xml::escaped};

@@ -6,11 +6,11 @@ mod forms;
 
 pub use forms::{to_html, to_junit};
 
-use crate::metric::{Interval, Metric};
+use crate::assess::Assessment;
+use crate::metric::{Interval, Metric, Settings};
 use crate::provenance::{Paperwork, Provenance};
 use crate::record::{Fate, JudgedCase, Use};
 use crate::requirements::{By, Judgement, Outcome, Verdict};
-use crate::{assess::Assessment, metric::Settings};
 use anyhow::Result;
 use serde::Serialize;
 use std::collections::BTreeMap;
