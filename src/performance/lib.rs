@@ -26,6 +26,7 @@ pub mod log;
 pub mod metric;
 pub mod model_figures;
 pub mod noise;
+pub mod page;
 pub mod plan;
 mod poses;
 pub mod provenance;

@@ -1,11 +1,11 @@
 //! `report.html`: a run on one page that needs no other file, written after the run has ended.
 
 use crate::cli::run::finished::{Finished, verdict_line};
-use crate::cli::run::page_parts::{Page, Recording, Sample, chart_of_pointing, recording, timeline};
+use crate::cli::run::page_parts::{Recording, Sample, begun, chart_of_pointing, recording, timeline};
 use crate::cli::{budget_report::limits, provenance, run::args::ClockKind, run::files, run::report::ScenarioReport};
 use base::input_file::{DATA_BYTES, read_bytes, read_text};
 use frames::report::{BudgetLine, FrameEnd, budget_lines};
-use performance::provenance::Provenance;
+use performance::{page::Page, provenance::Provenance};
 
 /// Name of the file in the folder of a run.
 pub(crate) const FILE: &str = "report.html";
@@ -33,7 +33,7 @@ fn with_samples(
     samples: Option<&[Sample]>,
 ) -> String {
     let verdict = verdict_line(finished, clock);
-    let mut page = Page::begun(&verdict, verdict.starts_with("ok"));
+    let mut page = begun(&verdict, verdict.starts_with("ok"));
     if finished.was_interrupted {
         page.paragraph("The run was stopped by a signal; everything finished before is kept.");
     }

@@ -1,4 +1,4 @@
-//! Parts of a run's page: headings, tables, pictures, and how they look in light and dark.
+//! Parts of a run's page: how it looks in light and dark, its charts, recorded frames as small pictures.
 
 use crate::cli::run::finished::Finished;
 use base::input_file::{DATA_BYTES, InputFile};
@@ -6,6 +6,7 @@ use base::{image::DnImage, time::Tai, xml::escaped};
 use core::fmt::Write;
 use frames::report::plot::{Axis, Chart, Series, Style, to_svg};
 use frames::sink::{fits::FitsImage, png::write_dn_for_people, recorder::frame_path};
+use performance::page::Page;
 use run::runtime::{EventKind, RunRecord};
 use serde::Deserialize;
 use std::io::BufReader;
@@ -24,77 +25,17 @@ figure{display:inline-block;vertical-align:top;margin:.4em 1em .4em 0;max-width:
 const MOST_POINTS: usize = 400;
 const ARCSEC_PER_DEG: f64 = 3600.0;
 
-/// The page while it grows.
-pub(crate) struct Page(String);
-
-impl Page {
-    /// Returns a page that begins with a verdict: its first line has it as title, its first words are the heading.
-    pub(crate) fn begun(verdict: &str, is_good: bool) -> Self {
-        let verdict = escaped(verdict);
-        let class = if is_good { "met" } else { "broken" };
-        Self(format!(
-            "<!DOCTYPE html><html lang=\"en\"><head><meta charset=\"utf-8\"><title>{verdict}</title>\n\
-             <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\n\
-             <meta name=\"starloop-schema\" content=\"starloop.run_page/1\">\n<style>{STYLE}</style></head>\n\
-             <body><h1 class=\"{class}\">{verdict}</h1>\n"
-        ))
-    }
-
-    /// Returns the whole text.
-    pub(crate) fn end(mut self) -> String {
-        self.add("</body></html>");
-        self.0
-    }
-
-    /// Adds HTML as it is.
-    pub(crate) fn add(&mut self, html: &str) {
-        self.0.push_str(html);
-        self.0.push('\n');
-    }
-
-    pub(crate) fn heading(&mut self, text: &str) {
-        self.add(&format!("<h2>{}</h2>", escaped(text)));
-    }
-
-    pub(crate) fn paragraph(&mut self, text: &str) {
-        self.add(&format!("<p>{}</p>", escaped(text)));
-    }
-
-    /// Begins a table with its heads.
-    pub(crate) fn table(&mut self, heads: &[&str]) {
-        let heads = cells("th", heads.iter().copied());
-        self.add(&format!("<div class=\"wide\"><table><thead><tr>{heads}</tr></thead><tbody>"));
-    }
-
-    pub(crate) fn row(&mut self, texts: &[String]) {
-        self.add(&format!("<tr>{}</tr>", cells("td", texts.iter().map(String::as_str))));
-    }
-
-    pub(crate) fn end_table(&mut self) {
-        self.add("</tbody></table></div>");
-    }
-
-    /// Adds an SVG that is drawn on white.
-    pub(crate) fn picture(&mut self, svg: &str) {
-        self.add(&format!("<div class=\"card\">{svg}</div>"));
-    }
-
-    /// Adds a PNG, in Base64, with its caption.
-    pub(crate) fn image(&mut self, png: &str, [width, height]: [usize; 2], caption: &str) {
-        let caption = escaped(caption);
-        self.add(&format!(
-            "<figure><img alt=\"{caption}\" width=\"{width}\" height=\"{height}\" src=\"data:image/png;base64,{png}\">\
-             <figcaption>{caption}</figcaption></figure>"
-        ));
-    }
-}
-
-fn cells<'a>(kind: &str, texts: impl Iterator<Item = &'a str>) -> String {
-    texts.fold(String::new(), |mut all, text| {
-        // Writing to a string cannot fail.
-        let _ = write!(all, "<{kind}>{}</{kind}>", escaped(text));
-        all
-    })
+/// Returns a page that begins with a verdict: its first line has it as title, its first words are the heading.
+pub(crate) fn begun(verdict: &str, is_good: bool) -> Page {
+    let verdict = escaped(verdict);
+    let class = if is_good { "met" } else { "broken" };
+    let head = format!(
+        "<!DOCTYPE html><html lang=\"en\"><head><meta charset=\"utf-8\"><title>{verdict}</title>\n\
+         <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\n\
+         <meta name=\"starloop-schema\" content=\"starloop.run_page/1\">\n<style>{STYLE}</style></head>\n\
+         <body><h1 class=\"{class}\">{verdict}</h1>"
+    );
+    Page::begun(&head, true)
 }
 
 /// Returns how far the boresight of recorded frames is from that of the first, as SVG; `None` without frames.
@@ -290,12 +231,12 @@ mod run_page_parts_tests {
 
     #[test]
     fn text_from_outside_is_no_markup_and_the_first_line_has_the_verdict() {
-        let mut page = Page::begun("FAILED: <b>", false);
-        page.row(&["<script>".into()]);
+        let mut page = begun("FAILED: <b>", false);
+        page.row(&["<script>"]);
         let text = page.end();
         assert!(text.lines().next().unwrap().contains("<title>FAILED: &lt;b&gt;</title>"), "{text}");
         assert!(text.contains("class=\"broken\"") && !text.contains("<script"), "{text}");
-        assert!(Page::begun("ok", true).end().contains("class=\"met\""));
+        assert!(begun("ok", true).end().contains("class=\"met\""));
     }
 
     #[test]
