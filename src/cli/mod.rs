@@ -40,9 +40,6 @@ pub mod study;
 mod terminal;
 pub mod verify;
 pub mod version;
-#[cfg(not(feature = "data_sets"))]
-#[path = "without_data_sets.rs"]
-pub mod data_set;
 
 use base::streams;
 use clap::{CommandFactory, Parser, Subcommand};
@@ -244,5 +241,31 @@ fn run_command(command: Command) -> anyhow::Result<u8> {
         Command::Doctor(arguments) => doctor::run(&arguments).map(|()| EXIT_DONE),
         Command::Completions(arguments) => help::run_completions(&arguments).map(|()| EXIT_DONE),
         Command::Man(arguments) => help::run_man(&arguments).map(|()| EXIT_DONE),
+    }
+}
+
+/// `starloop dataset` in a program built without the feature `data_sets`: it fails and says how to build one with it.
+#[cfg(not(feature = "data_sets"))]
+pub mod data_set {
+    use anyhow::{Result, bail};
+    use clap::Args;
+
+    /// Command line of `dataset`: anything.
+    #[derive(Debug, Args)]
+    pub struct DataSetArgs {
+        /// Whatever a program with data sets takes
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true, hide = true)]
+        words: Vec<String>,
+    }
+
+    /// Fails.
+    ///
+    /// # Errors
+    /// Always.
+    pub fn run(_: &DataSetArgs) -> Result<u8> {
+        bail!(
+            "dataset: this program was built without data sets; install one with \
+             `cargo install --locked --path . --features data_sets`"
+        )
     }
 }

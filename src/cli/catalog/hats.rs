@@ -51,7 +51,7 @@ pub(crate) fn export(args: &ExportArgs, out: &mut impl Write) -> anyhow::Result<
     let layers = args.layers.iter().map(|path| Layer::open(path)).collect::<Result<Vec<_>, _>>()?;
     let line = ProgressLine::new();
     let mut share = |share: f64| line.show(&format!("{}: {:.0} %", args.hats.display(), 100.0 * share));
-    let written = hats::export(&layers, &args.hats, (name, args.max_rows), &mut share)?;
+    let written = parquet::export(&layers, &args.hats, (name, args.max_rows), &mut share)?;
     line.clear();
     writeln!(out, "{}: {written}", args.hats.display())?;
     Ok(())
@@ -71,7 +71,7 @@ pub(crate) struct Input {
 /// How a file is read.
 pub(crate) enum Kind {
     Csv,
-    Parquet(hats::Parquet),
+    Parquet(parquet::Parquet),
 }
 
 impl Input {
@@ -90,12 +90,12 @@ pub(crate) fn inputs(paths: &[PathBuf], names: &Names, epoch_yr: f64) -> anyhow:
     let mut inputs = Vec::new();
     for path in paths {
         if is_hats(path) {
-            inputs.extend(hats::partitions(path, names, epoch_yr)?);
+            inputs.extend(parquet::partitions(path, names, epoch_yr)?);
         } else if path.is_dir() {
             bail!("{}: wanted a HATS catalog, which has a file hats.properties, or the name of a file", path.display());
         } else {
             let is_parquet = path.extension().is_some_and(|kind| kind.eq_ignore_ascii_case("parquet"));
-            let kind = if is_parquet { Kind::Parquet(hats::Parquet::alone(path)?) } else { Kind::Csv };
+            let kind = if is_parquet { Kind::Parquet(parquet::Parquet::alone(path)?) } else { Kind::Csv };
             inputs.push(Input { name: name_of(path)?, path: path.clone(), names: names.clone(), kind, credits: None });
         }
     }
@@ -136,7 +136,7 @@ pub(crate) fn mark(path: &Path) -> anyhow::Result<String> {
 /// Parquet files and HATS catalogs; in a program without the feature, the same names, which fail and say how to build one
 /// with it.
 #[cfg(feature = "hats")]
-mod hats {
+mod parquet {
     use super::{Input, Kind};
     use anyhow::bail;
     use imports::hats::{ExportReport, Exporting, HatsCatalog, Partition, Pixel, export as export_hats, import};
@@ -200,7 +200,7 @@ mod hats {
 }
 
 #[cfg(not(feature = "hats"))]
-mod hats {
+mod parquet {
     use super::Input;
     use anyhow::{Error, Result, anyhow};
     use imports::published::gaia::Names;
