@@ -1,3 +1,5 @@
+//! The report on the time of a run: limits, advice, files.
+//!
 //! The times of a finished run against its limits: those of `[budget]`, and those derived where it names none.
 
 use crate::cli::{frame_plan::FramePlans, named, run::args::ClockKind, run::finished::Finished};

@@ -1,3 +1,5 @@
+//! Files for other tools: `starloop export` and `starloop fmu`.
+//!
 //! `starloop export`: attitudes, the observer's orbit and places of stars of a run, in the files of other tools.
 //!
 //! Input: the folder of a recorded run, or a run file, which is not drawn. Output: files whose endings say what

@@ -1,3 +1,5 @@
+//! Plans of single frames, and by how much one exceeds the accuracy budget.
+//!
 //! The plan of one frame of a bench, without drawing it: from the simulated flight computer's own truth.
 
 use anyhow::{Context, Result};

@@ -1,3 +1,5 @@
+//! Help for people and shells: groups of commands, examples, manual pages, completions.
+//!
 //! The groups that `starloop --help` lists commands in, and the help built from them.
 
 use anyhow::{Context, Result, bail};

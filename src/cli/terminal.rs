@@ -1,3 +1,5 @@
+//! Text on a terminal: messages without control characters, lines of progress.
+//!
 //! Messages as a terminal may show them: values of files may hold any character, and be of any length.
 //!
 //! Control characters are escaped, since they can move the cursor, ring the bell or change what is on the screen; lines

@@ -1,3 +1,5 @@
+//! All metrics: their names and units, and their values for a set of cases.
+//!
 //! All metrics of a set of cases.
 
 use crate::availability::{

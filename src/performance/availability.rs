@@ -1,3 +1,5 @@
+//! Whether there is an attitude, and from which angle to a bright body on.
+//!
 //! Whether there is an attitude: acquisition, tracking, false solutions, loss and recovery.
 
 use crate::metric::{Interval, Kind, Metric, Reading, Settings};

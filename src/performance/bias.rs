@@ -1,3 +1,5 @@
+//! Errors that stay: the bias, and errors that depend on places on the detector.
+//!
 //! Bias: the part of the error that is the same wherever the sensor looks and whenever (ECSS: alignment measurement
 //! error and its stability). The mean over attitudes, or, of one run, over stretches of time.
 

@@ -1,3 +1,5 @@
+//! Metrics, and the settings that they are computed by.
+//!
 //! A number about a tracker, with its interval and its method.
 
 use crate::record::{FalseLimit, Use};

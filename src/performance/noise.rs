@@ -1,3 +1,5 @@
+//! Temporal noise, and the bandwidth of the output.
+//!
 //! Temporal noise: what changes from frame to frame, and the noise equivalent angle.
 //!
 //! Of inertial attitudes: the variance within attitudes. Of runs in motion: half of the mean square of successive

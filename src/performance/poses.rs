@@ -1,3 +1,5 @@
+//! The motion of a case, and of a mounting that drifts with temperature.
+//!
 //! The motion of a case -> where the sensor points in each of its frames, and the samples of attitude that a run takes.
 
 use crate::record::turned;

@@ -1,3 +1,5 @@
+//! The head of a report: where results come from, names and dates that are given.
+//!
 //! Where results come from: SHA-256 of files, versions, command line, machine.
 
 use anyhow::{Context, Result};

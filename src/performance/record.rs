@@ -1,3 +1,5 @@
+//! Frames and answers matched, and the error of one attitude.
+//!
 //! The truth of frames and the log of a tracker -> errors, frame by frame.
 //!
 //! A row of the log belongs to the frame that it names, else to the frame whose mid-exposure is nearest to its time

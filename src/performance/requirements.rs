@@ -1,3 +1,5 @@
+//! Requirements: limits, verdicts, and how much data a verdict still needs.
+//!
 //! `requirements.toml`: identifiers with limits -> verdicts.
 //!
 //! A limit is met when all of the interval meets it, not met when none of it does, and not shown in between. With `by =

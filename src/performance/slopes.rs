@@ -1,3 +1,5 @@
+//! Errors in proportion to rate, displacement, time and temperature.
+//!
 //! Errors in proportion to something: to the rate (measurement date error), to the displacement by aberration, to time
 //! (drift).
 

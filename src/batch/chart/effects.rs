@@ -1,3 +1,5 @@
+//! The effects that cost time: their list, and how much each costs.
+//!
 //! Cost of each effect: the time of a frame with it minus that of the same frame without it, on every backend.
 //!
 //! In: a list of effects, each a change of a quiet detector or of a plain instrument. Out: `effects.csv`. Frames with

@@ -1,3 +1,5 @@
+//! Rows: errors of an image, their table for a file, their table for a terminal.
+//!
 //! Rows of the tables, their text, and the check of a row's bounds.
 
 use crate::chart::scenes::Scene;

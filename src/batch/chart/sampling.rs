@@ -1,3 +1,5 @@
+//! Errors that come from the PSF alone: its sampling, and light outside a footprint.
+//!
 //! PSF sampling: error of every method against the width of the PSF, without motion.
 
 use crate::chart::stage::{Drawer, Effort, Stage};

@@ -1,3 +1,5 @@
+//! All that a measurement needs: the scene as an instrument, the backends, the clock.
+//!
 //! Scene -> instrument, motion and stars, ready to be planned.
 
 use crate::chart::Backends;

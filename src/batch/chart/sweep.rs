@@ -1,3 +1,5 @@
+//! Every method on every scene: rows, and the charts of error against time and against nodes.
+//!
 //! One scene, every method, every backend -> rows.
 
 use crate::chart::rows::{Errors, MethodRow, NOT_DRAWN, brightest_e};

@@ -1,3 +1,5 @@
+//! Points of a study, and the charts and tables made of them.
+//!
 //! One point of a study: measured value, theoretical value, and whether they agree.
 
 use crate::{chart::File, chart::rows::csv_text, study::Study};

@@ -1,3 +1,5 @@
+//! Trials of the loop: one run, sines in its record, margins and rejection, pointing error.
+//!
 //! One closed loop over pixels, at rest on its target: injection -> telemetry.
 //!
 //! The spacecraft starts at its target attitude, at rest. Test torques start after [`QUIET_S`]; samples before a

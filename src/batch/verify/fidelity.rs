@@ -1,3 +1,5 @@
+//! A field of stars for measurements, and how faithful its noisy frames are.
+//!
 //! Fidelity by brightness: signal-to-noise ratio, centroid, energy and background of many noisy frames compared with
 //! analytic truth.
 //!

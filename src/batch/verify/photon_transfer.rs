@@ -1,3 +1,5 @@
+//! The laboratory: moments of flats, and photon transfer by straight lines through them.
+//!
 //! Photon transfer: flats and darks -> gain, noise, dark current, patterns, linearity, saturation.
 //!
 //! The procedure of EMVA 1288 Release 4.0 Linear, with our own names for its K (here `1 / gain_e_per_dn`), `mu_p` (here

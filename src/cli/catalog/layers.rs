@@ -1,3 +1,5 @@
+//! Layers of published catalogs, and the bright stars that are added to them.
+//!
 //! `starloop catalog import` and `verify`: published catalogs -> layers on disk, and whether they are whole.
 
 use crate::cli::catalog::hats::{Input, inputs, mark, name_of};

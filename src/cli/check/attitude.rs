@@ -1,3 +1,5 @@
+//! `starloop check`, attitude and jitter.
+//!
 //! `starloop check`, attitude: how wrong the attitude at mid-exposure may be, by each method that could make it.
 //!
 //! Input: a bench and the run that was made of it, which may be drawn ahead of its light. Output: text. The motion is

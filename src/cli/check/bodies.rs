@@ -1,3 +1,5 @@
+//! `starloop check`, the sky: where the observer is, which targets cross the field, which bodies are near it.
+//!
 //! Where the observer is at the first exposure, how fast, and what that does to the stars.
 
 use crate::cli::lines::Lines;

@@ -1,3 +1,5 @@
+//! `starloop check`, the camera: the stars that it sees, numbers that no camera has, light beside the stars.
+//!
 //! `starloop check`, what the camera sees: down to which magnitude, whether the frames have those stars, and whether a
 //! frame has any.
 //!

@@ -1,3 +1,5 @@
+//! `starloop check`, displays: their times, and the stars that a calibrated one cannot show.
+//!
 //! `starloop check`, displays: when their light leaves against when it was drawn for, and what is not known of them.
 //!
 //! Input: a bench and the run that was made of it. Output: text. The numbers are those of `run::wiring::display_parts`.

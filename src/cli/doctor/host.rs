@@ -1,3 +1,5 @@
+//! `starloop doctor`, all that it looks for: devices in the kernel's files, the system, adapters and monitors.
+//!
 //! `starloop doctor`, the hardware that the kernel's files list: CAN interfaces, serial ports, clocks, pulses, lines.
 
 use crate::cli::doctor::Finding;

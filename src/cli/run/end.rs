@@ -1,3 +1,5 @@
+//! The end of a run: its verdict and files, also as JUnit XML.
+//!
 //! How a run ends: verdict, tables, its files of results, what it lost, its exit status.
 
 use crate::cli::run::args::{ClockKind, RunArgs};

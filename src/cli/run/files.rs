@@ -1,3 +1,5 @@
+//! Files of a run beside its frames: events, telemetry and its picture.
+//!
 //! `events.jsonl`: the events of a run, one JSON object a line, after a line that counts all of them.
 //!
 //! The ledger of a run keeps its first [`EARLY`] events and its last [`KEPT`]; those between are counted by kind, and

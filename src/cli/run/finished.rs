@@ -1,3 +1,5 @@
+//! A finished run, and its verdict in one sentence.
+//!
 //! A run that has ended, and everything it ran with.
 
 use crate::cli::run::{args::ClockKind, control::Client};
