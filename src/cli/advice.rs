@@ -1,6 +1,6 @@
 //! Command lines that cannot be read: the parser's message, and below it what to type instead.
 
-use crate::cli::{EXIT_USAGE, degrees::degrees_of_sexagesimal};
+use crate::cli::{EXIT_USAGE, named::degrees_of_sexagesimal};
 use base::streams;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{ArgAction, Command, FromArgMatches};

@@ -4,15 +4,14 @@
 //! Input: a bench. Output: a table, files with `--report`, and an exit status for scripts: 3 when the budget is broken.
 //! What is not given in `[budget]` is derived: the whole from the readout time, drawing from the planner's time.
 
-use crate::cli::run_args::{BackendName, CaptureFormatName, ClockKind, RunArgs, SinkKind};
-use crate::cli::{EXIT_DONE, EXIT_INCOMPLETE, EXIT_OVER_BUDGET, budget_files, run};
-use crate::cli::{
-    budget_report::budget_report, load_threads::LoadThreads, report_json::print_json, run_verdict::verdict_line,
-};
-use anyhow::Result;
+use crate::cli::run::args::{BackendName, ClockKind, RunArgs, SinkKind};
+use crate::cli::{EXIT_DONE, EXIT_INCOMPLETE, EXIT_OVER_BUDGET, budget_report, run};
+use crate::cli::{budget_report::budget_report, report_json::print_json, run::finished::verdict_line};
+use anyhow::{Context, Result};
 use clap::Args;
+use core::sync::atomic::{AtomicBool, Ordering};
 use frames::report::budget_table;
-use std::path::PathBuf;
+use std::{path::PathBuf, sync::Arc, thread::JoinHandle};
 
 /// Command line of `budget`.
 #[derive(Debug, Args)]
@@ -73,7 +72,7 @@ pub fn run(arguments: &BudgetArgs) -> Result<u8> {
     let report = budget_report(&finished, arguments.load)?;
     // First: output that cannot be written ends the program.
     if let Some(directory) = &arguments.report {
-        budget_files::write(directory, &report, &finished.end.record.ring)?;
+        budget_report::write(directory, &report, &finished.end.record.ring)?;
     }
     if arguments.json {
         print_json("budget", &report)?;
@@ -96,23 +95,56 @@ fn run_arguments(arguments: &BudgetArgs) -> RunArgs {
         clock: ClockKind::Real,
         duration: arguments.duration,
         backend: arguments.backend,
-        seed: None,
-        noise_seed: None,
         sink: arguments.sink,
         out: arguments.out.clone(),
         built_in_costs: arguments.built_in_costs,
-        report: None,
-        junit: None,
-        random_faults: false,
-        settings: Vec::new(),
-        control: None,
-        capture: None,
-        monitor: None,
-        monitor_names: Vec::new(),
-        capture_format: CaptureFormatName::Pcapng,
-        json: false,
-        details: false,
-        quiet: false,
+        ..RunArgs::default()
+    }
+}
+
+// Neighbours that keep processors busy while a run is timed: ordinary threads that never sleep.
+
+/// Busy threads, until they are dropped. Start them before the run's threads: they keep the ordinary scheduling of the
+/// thread that starts them.
+pub(super) struct LoadThreads {
+    over: Arc<AtomicBool>,
+    threads: Vec<JoinHandle<()>>,
+}
+
+impl LoadThreads {
+    /// Starts `count` of them.
+    ///
+    /// # Errors
+    /// When the system gives no more threads.
+    pub(super) fn start(count: usize) -> Result<Self> {
+        let mut load = Self { over: Arc::new(AtomicBool::new(false)), threads: Vec::new() };
+        for i in 0..count {
+            let over = Arc::clone(&load.over);
+            let thread = std::thread::Builder::new()
+                .name(format!("load {i}"))
+                .spawn(move || keep_busy(&over))
+                .with_context(|| format!("--load: thread {i} of {count}"))?;
+            load.threads.push(thread);
+        }
+        Ok(load)
+    }
+}
+
+impl Drop for LoadThreads {
+    fn drop(&mut self) {
+        self.over.store(true, Ordering::Relaxed);
+        for thread in self.threads.drain(..) {
+            let _it_only_counts = thread.join();
+        }
+    }
+}
+
+fn keep_busy(over: &AtomicBool) {
+    let mut count = 0_u64;
+    while !over.load(Ordering::Relaxed) {
+        for _ in 0..10_000 {
+            count = core::hint::black_box(count.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1));
+        }
     }
 }
 

@@ -1,7 +1,6 @@
 //! `starloop bus`: a simulated CAN bus with gateways, so that programs without CAN in their kernel can talk.
 
-use crate::cli::{EXIT_DONE, EXIT_LOST, signals};
-use crate::cli::{report_json::json_line, run_end::say_losses};
+use crate::cli::{EXIT_DONE, EXIT_LOST, report_json::json_line, run::end::say_losses, signals};
 use anyhow::{Context, Result, bail};
 use base::clock::{Clock, Monotonic, Stopwatch};
 use base::{streams::Output, time::Span};

@@ -3,7 +3,7 @@
 //! `starloop calibrate` alone means `starloop calibrate costs`; `starloop calibrate display` is a file of its own.
 
 use crate::cli::calibrate_display::{self, DisplayArgs};
-use crate::cli::{progress::ProgressLine, report_json::print_json, run_args::BackendName};
+use crate::cli::{report_json::print_json, run::args::BackendName, terminal::ProgressLine};
 use anyhow::{Context, Result};
 use base::clock::{Clock, Monotonic, Stopwatch};
 use clap::{Args, Subcommand};

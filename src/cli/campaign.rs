@@ -1,7 +1,6 @@
 //! `starloop campaign`: many simulated hours of random faults, checked throughout.
 
-use crate::cli::report_json::print_json;
-use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
+use crate::cli::{EXIT_DONE, EXIT_NOT_MET, report_json::print_json};
 use anyhow::{Context, Result, bail};
 use base::clock::Stopwatch;
 use batch::campaign::{Episode, check_time_for_faults, random_faults, run_episode};

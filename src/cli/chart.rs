@@ -1,6 +1,6 @@
 //! `starloop chart`: accuracy against speed, measured on this machine -> CSV tables and SVG charts in a folder.
 
-use crate::cli::{folder, progress::ProgressLine, report_json::print_json};
+use crate::cli::{named, report_json::print_json, terminal::ProgressLine};
 use anyhow::Result;
 use base::clock::Stopwatch;
 use batch::chart::{self, Backends, Settings};
@@ -60,7 +60,7 @@ pub fn run(arguments: &ChartArgs) -> Result<()> {
         BackendName::All => Backends::All,
     };
     // A folder that cannot be made is reported before minutes of measuring.
-    folder::make("--out", &arguments.out)?;
+    named::make_folder("--out", &arguments.out)?;
     let settings = Settings { quick: arguments.quick, backends, seed: arguments.seed };
     let (watch, line, mut reported) = (Stopwatch::start(), ProgressLine::new(), 0);
     let charted = chart::run(&settings, &mut |step| {

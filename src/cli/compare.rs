@@ -1,14 +1,12 @@
 //! `starloop compare`: real frames of the night sky against the same fields as starloop draws them.
 
-use crate::cli::degrees::{declination_deg, right_ascension_deg};
-use crate::cli::{EXIT_DONE, EXIT_NOT_MET, folder};
-use crate::cli::{render_input::three, report_json::print_json};
+use crate::cli::named::{declination_deg, right_ascension_deg};
+use crate::cli::{EXIT_DONE, EXIT_NOT_MET, named, render::input::three, report_json::print_json};
 use anyhow::{Context, Result, bail};
 use base::{axes::sensor_from_ra_dec_roll, time::Tai};
 use clap::{Args, ValueEnum};
 use config::{Document, is_camera};
-use night_sky::picture::Flip;
-use night_sky::{Compared, Comparer, Options, report};
+use night_sky::{Compared, Comparer, Options, picture::Flip, report};
 use std::path::{Path, PathBuf};
 
 /// Command line of `compare`.
@@ -116,7 +114,7 @@ fn options(arguments: &CompareArgs) -> Result<Options> {
 
 /// Writes report, pictures, camera files and tables.
 fn write(folder: &Path, arguments: &CompareArgs, compared: &[Compared]) -> Result<()> {
-    folder::make("--out", folder)?;
+    named::make_folder("--out", folder)?;
     let files = report::files(compared, &arguments.camera)?;
     for (name, bytes) in files {
         let path = folder.join(name);

@@ -1,13 +1,11 @@
 //! `starloop dataset`: a data set of drawn images with labels, from a description.
 
-use crate::cli::{EXIT_DONE, EXIT_LOST, signals, version};
-use crate::cli::{progress::ProgressLine, report_json::print_json};
+use crate::cli::{EXIT_DONE, EXIT_LOST, report_json::print_json, signals, terminal::ProgressLine, version};
 use anyhow::{Context, Result, bail};
 use base::clock::Stopwatch;
 use clap::Args;
 use core::{ops::Range, sync::atomic::Ordering};
-use data_sets::spec::ImageForm;
-use data_sets::{Order, Progress, Spec, Studio, Summary, make};
+use data_sets::{Order, Progress, Spec, Studio, Summary, make, spec::ImageForm};
 use run::wiring::memory::RunMemory;
 use serde::Serialize;
 use std::path::{Path, PathBuf};

@@ -1,16 +1,20 @@
 //! `starloop display`: the monitors there are, and images on one of them: a look at a marker, a pattern, a grey ramp.
 //! What measures the latency is a file of its own.
 
-use crate::cli::display_latency::{CornerWord, FlipArgs, LatencyArgs, flip, latency, monitor_choice};
 use crate::cli::report_json::print_json;
 use anyhow::{Context, Result, bail};
 use base::clock::{Clock, Monotonic};
-use base::image::DnImage;
-use base::input_file::{DATA_BYTES, read_bytes};
-use clap::{Args, Subcommand};
+use base::input_file::{DATA_BYTES, InputFile, read_bytes};
+use base::{image::DnImage, time::Span};
+use clap::{Args, Subcommand, ValueEnum};
 use crossbeam_channel::{Receiver, RecvTimeoutError, bounded};
-use frames::sink::{SentFrame, Sink};
-use outputs::display::{Bits, Display, GreyMaker, GreyTable, Marker, MonitorFacts, Params, monitors};
+use frames::sink::{SentFrame, Sink, write_file_atomically};
+use outputs::display::latency::{APART_S, Flip, Latency, flips_of};
+use outputs::display::monitor::choose;
+use outputs::display::{
+    Bits, Corner, Display, GreyMaker, GreyTable, Marker, MonitorChoice, MonitorFacts, Params, SubmitRow, monitors,
+};
+use serde::{Deserialize, de::DeserializeOwned};
 use std::io::{BufRead, Write};
 use std::path::{Path, PathBuf};
 use std::{sync::Arc, time::Duration};
@@ -198,4 +202,178 @@ pub(super) fn read(path: &Path) -> Result<DnImage> {
     };
     image.pixels_mut().copy_from_slice(&luminances[..info.width as usize * info.height as usize]);
     Ok(image)
+}
+
+// `starloop display flip` and `latency`: from the marker patch and a photodiode to the latency of a display.
+//
+// `flip` shows black frames whose marker turns over, slowly enough that an edge belongs to one flip, and keeps their
+// submit times; meanwhile a photodiode on the patch is logged by the user's own means. `latency` holds the two tables
+// against one another. Both must be stamped by one clock: this machine's, or one that is kept with it (PTP, NTP).
+
+/// Shortest time between flips: they stay [`APART_S`] apart when one is a refresh late.
+const SHORTEST_PERIOD_S: f64 = 1.2 * APART_S;
+/// The row that a bench's latency is for, of all rows.
+const MIDDLE_ROW: f64 = 0.5;
+
+/// A corner, by name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum CornerWord {
+    /// Where pixel (0, 0) is
+    TopLeft,
+    /// The end of the first row
+    TopRight,
+    /// The beginning of the last row
+    BottomLeft,
+    /// The last pixel
+    BottomRight,
+}
+
+impl CornerWord {
+    pub(super) fn corner(self) -> Corner {
+        match self {
+            Self::TopLeft => Corner::TopLeft,
+            Self::TopRight => Corner::TopRight,
+            Self::BottomLeft => Corner::BottomLeft,
+            Self::BottomRight => Corner::BottomRight,
+        }
+    }
+
+    /// Returns the row of the patch over the number of rows.
+    pub(super) fn row_share(self) -> f64 {
+        match self {
+            Self::TopLeft | Self::TopRight => 0.0,
+            Self::BottomLeft | Self::BottomRight => 1.0,
+        }
+    }
+}
+
+/// Returns the monitor that a command line names.
+pub(super) fn monitor_choice(word: Option<&str>) -> MonitorChoice {
+    match word {
+        None => MonitorChoice::Primary,
+        Some(word) => word.parse().map_or_else(|_| MonitorChoice::Named(word.to_owned()), MonitorChoice::Index),
+    }
+}
+
+/// Command line of `display flip`.
+#[derive(Debug, Args)]
+pub(super) struct FlipArgs {
+    /// Where submit times go: a new file (CSV)
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// The monitor: a name or a number of `starloop display monitors` [default: the primary one]
+    #[arg(long)]
+    monitor: Option<String>,
+    /// Side of the photodiode's patch, px
+    #[arg(long, value_name = "PX", default_value_t = 64)]
+    marker_px: u32,
+    /// Where the patch is
+    #[arg(long, value_enum, default_value_t = CornerWord::TopLeft)]
+    marker_corner: CornerWord,
+    /// Seconds between flips, 0.12 or more: longer than any latency
+    #[arg(long, value_name = "S", default_value_t = 0.25)]
+    period: f64,
+    /// Number of flips
+    #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u32).range(10..=100_000))]
+    count: u32,
+}
+
+/// Command line of `display latency`.
+#[derive(Debug, Args)]
+pub(super) struct LatencyArgs {
+    /// Submit times: the file of `starloop display flip`
+    submits: PathBuf,
+    /// Times at which the photodiode saw the patch turn over (CSV with a column edge_s: seconds since 1970, UTC, as
+    /// `date +%s.%N` and time.time() count them)
+    #[arg(long, value_name = "FILE")]
+    edges: PathBuf,
+    /// Where the patch was
+    #[arg(long, value_enum, default_value_t = CornerWord::TopLeft)]
+    marker_corner: CornerWord,
+    /// From the first row's light to the last row's, milliseconds, of panels that light row by row: about a refresh; 0
+    /// when all rows light at once, or when it is not known
+    #[arg(long, value_name = "MS", default_value_t = 0.0)]
+    scan_ms: f64,
+    /// Write submit_s,edge_s of each flip, for `starloop calibrate display fit --latency`
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+}
+
+/// Flips the marker.
+///
+/// # Errors
+/// When the monitor does not exist, the window is closed, or submit times cannot be written.
+pub(super) fn flip(arguments: &FlipArgs) -> Result<()> {
+    if !(SHORTEST_PERIOD_S..=60.0).contains(&arguments.period) {
+        bail!(
+            "--period: wanted {SHORTEST_PERIOD_S} to 60 s, so that an edge belongs to one flip, got {}",
+            arguments.period
+        );
+    }
+    let monitor = monitor_choice(arguments.monitor.as_deref());
+    let all = monitors()?;
+    let image_px = all[choose(&all, &monitor)?].size_px;
+    let marker = Some(Marker { size_px: arguments.marker_px, corner: arguments.marker_corner.corner() });
+    let params = Params { monitor, marker, ..Params::full_screen() };
+    let clock: Arc<dyn Clock> = Arc::new(Monotonic::start());
+    let maker = GreyMaker::nearest(&GreyTable::linear(Bits::Eight.count()));
+    let mut display = Display::open(&params, image_px, maker, Arc::clone(&clock))?;
+    display.keep_submits(&arguments.out)?;
+    println!("{}", display.description());
+    let [width, height] = image_px.map(|side| side as usize);
+    let mut frame = SentFrame::with_capacity(width, height, 0, "marker".into());
+    let first = clock.now();
+    for number in 1..=arguments.count {
+        clock.sleep_until(first + Span::from_s(arguments.period * f64::from(number)));
+        frame.meta.number = number;
+        display.send(&frame)?;
+    }
+    display.finish()?;
+    println!("{} flips: submit times written to {}", display.counts().presented, arguments.out.display());
+    Ok(())
+}
+
+/// Holds submit times against edges.
+///
+/// # Errors
+/// When a table cannot be read, or says too little.
+pub(super) fn latency(arguments: &LatencyArgs) -> Result<()> {
+    if !(0.0..=1000.0).contains(&arguments.scan_ms) {
+        bail!("--scan-ms: wanted 0 to 1000, got {}", arguments.scan_ms);
+    }
+    let submits: Vec<f64> = rows(&arguments.submits)?.iter().map(SubmitRow::submit_unix_s).collect();
+    let edges: Vec<f64> = rows(&arguments.edges)?.iter().map(|edge: &Edge| edge.edge_s).collect();
+    let flips = flips_of(&submits, &edges)?;
+    let scan = Span::from_s(1e-3 * arguments.scan_ms);
+    let latency = Latency::of_flips(&flips, arguments.marker_corner.row_share(), scan)?;
+    println!("{}", latency.reported());
+    println!(
+        "latency_ms = {:.3}   # for the bench's [sink]: in the middle of the display",
+        latency.at_row(MIDDLE_ROW).ms()
+    );
+    arguments.out.as_deref().map_or(Ok(()), |path| write(path, &flips))
+}
+
+/// When the photodiode saw the patch turn over.
+#[derive(Debug, Deserialize)]
+struct Edge {
+    edge_s: f64,
+}
+
+fn rows<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>> {
+    let place = || path.display().to_string();
+    let file = InputFile::open(path, DATA_BYTES).with_context(place)?;
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(file);
+    reader.deserialize().collect::<Result<_, _>>().with_context(place)
+}
+
+fn write(path: &Path, flips: &[Flip]) -> Result<()> {
+    let mut out = csv::Writer::from_writer(Vec::new());
+    for flip in flips {
+        out.serialize(flip)?;
+    }
+    let table = out.into_inner().map_err(|error| error.into_error())?;
+    write_file_atomically(path, |file| file.write_all(&table))?;
+    println!("{} flips written to {}", flips.len(), path.display());
+    Ok(())
 }

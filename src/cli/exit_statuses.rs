@@ -74,9 +74,14 @@ mod tests {
         let commands = crate::cli::command();
         let names: Vec<String> = commands.get_subcommands().map(|command| command.get_name().to_owned()).collect();
         let mut users = Vec::new();
-        for entry in std::fs::read_dir(folder).unwrap() {
-            let path = entry.unwrap().path();
-            let stem = path.file_stem().unwrap().to_str().unwrap().replace('_', "-");
+        let mut paths = vec![folder.clone()];
+        while let Some(path) = paths.pop() {
+            if path.is_dir() {
+                paths.extend(std::fs::read_dir(path).unwrap().map(|entry| entry.unwrap().path()));
+                continue;
+            }
+            let below = path.strip_prefix(&folder).unwrap().with_extension("");
+            let stem = below.to_str().unwrap().replace(['_', '/'], "-");
             let text = std::fs::read_to_string(&path).unwrap();
             let product = text.split("#[cfg(test)]").next().unwrap_or_default();
             if stem == "mod" || stem == "exit-statuses" || !product.contains(constant) {

@@ -6,13 +6,12 @@ use crate::cli::provenance;
 use crate::cli::report::{Writing, day_of, parts_of_plan, write};
 use anyhow::{Context, Result, bail};
 use base::input_file::{SETTINGS_BYTES, read_text};
-use clap::error::ErrorKind;
-use clap::{Args, Command, FromArgMatches};
+use clap::{Args, Command, FromArgMatches, error::ErrorKind};
 use core::sync::atomic::{AtomicUsize, Ordering};
 use performance::case_folder::{PLAN, PlanFile};
 use performance::fly::{Flight, Flown};
 use performance::plan::{Plan, PlanCase, Source};
-use performance::{requirements::Requirements, settings::refuse_all};
+use performance::{metric::refuse_all, requirements::Requirements};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
@@ -201,7 +200,7 @@ fn plan_file(plan: &Plan, flight: &Flight<'_>, flown: &[Flown]) -> PlanFile {
     PlanFile {
         name: plan.name.clone(),
         tracker: plan.tracker_name(),
-        camera: flight.camera_name().to_owned(),
+        camera: flight.camera_name.clone(),
         confidence: settings.confidence,
         probability: settings.probability,
         false_directional_arcsec: settings.false_limit.directional_arcsec,

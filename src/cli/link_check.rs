@@ -1,19 +1,17 @@
 //! `starloop link-check`: checks a link of this machine against the promises of links, or sends back at one end of it
 //! what arrives, or shows the pulses of a PPS source.
 
-use crate::cli::report_json::print_json;
-use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
+use crate::cli::{EXIT_DONE, EXIT_NOT_MET, report_json::print_json};
 use anyhow::{Context, Result};
 use base::clock::{Clock, Monotonic, PairedReading};
 use base::time::{Span, Tai};
 use clap::{Args, ValueEnum};
 use firmware_protocol::can::IdMap;
 use link::conformance::{Check, Ends, check_filters, check_link};
-use link::pps::Pps;
 use link::serial::{PseudoTerminal, SerialLink, SerialParams};
 use link::simulated::{BusParams, BusTiming, simulated_pair};
 use link::socketcan::{Receives, SocketCanLink, SocketCanParams};
-use link::{Link, LinkCounters, LinkError, WireFormat};
+use link::{Link, LinkCounters, LinkError, WireFormat, pps::Pps};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 

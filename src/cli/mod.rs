@@ -1,124 +1,45 @@
-//! One file per command; parses the command line, assembles the crates, prints.
+//! A file or a folder for each command; parses the command line, assembles the crates, prints.
 
 #[macro_use]
 mod print;
 mod advice;
-mod attitude_file;
 pub mod budget;
-mod budget_advice;
-mod budget_files;
 mod budget_report;
 pub mod bus;
 pub mod calibrate;
 mod calibrate_display;
-mod calibrate_display_output;
-mod calibrate_display_simulate;
 pub mod campaign;
 pub mod catalog;
-mod catalog_bright;
-mod catalog_file;
-mod catalog_hats;
-mod catalog_layers;
-mod catalog_map;
-mod catalog_map_picture;
-mod catalog_synthetic;
 pub mod chart;
 pub mod check;
 pub mod compare;
-mod check_attitude;
-mod check_bodies;
-mod check_camera;
-mod check_display;
-mod check_display_stars;
-mod check_files;
-mod check_jitter;
-mod check_judged;
-mod check_json;
-mod check_light;
-mod check_observer;
-mod check_plan;
-mod check_scenario;
-mod check_sight;
-mod check_targets;
-mod check_verdict;
-pub mod completions;
-mod command_groups;
 #[cfg(feature = "data_sets")]
 pub mod data_set;
 pub mod display;
-mod display_latency;
 mod display_measurements;
-pub mod degrees;
 pub mod doctor;
-mod doctor_devices;
-mod doctor_finding;
-mod doctor_host;
-mod doctor_system;
-mod examples;
 pub mod exit_statuses;
 pub mod export;
-mod export_source;
 pub mod fly;
 mod frame_plan;
-pub mod fmu;
-mod folder;
-pub mod init;
+pub mod help;
 pub mod keys;
+mod lines;
 pub mod link_check;
-mod lettering;
-mod load_threads;
-pub mod manual;
-mod monitor;
-mod named_camera;
-mod over_budget;
-mod plain_text;
-mod progress;
+pub mod named;
 mod provenance;
 pub mod psf;
-mod psf_plot;
-mod psf_star;
-mod radiometry_reported;
 pub mod render;
-pub mod render_input;
-mod render_files;
-mod render_notes;
-pub mod render_output;
-mod render_series;
 pub mod replay;
 pub mod report;
 pub mod report_json;
 pub mod run;
-pub mod run_args;
-mod run_control;
-mod run_end;
-mod run_events;
-mod run_finished;
-mod run_input;
-mod run_junit;
-mod run_link_hint;
-mod run_page;
-mod run_page_parts;
-mod run_progress;
-mod run_samples;
-mod run_timeline;
-mod run_verdict;
-pub mod scenario_plot;
-pub mod scenario_report;
-pub mod schema;
 mod signals;
 pub mod snr;
 pub mod study;
-mod telemetry_file;
+mod terminal;
 pub mod verify;
 pub mod version;
-mod wcs_warning;
-#[cfg(feature = "hats")]
-mod with_hats;
-#[cfg(not(feature = "hats"))]
-mod without_hats;
-#[cfg(not(feature = "data_sets"))]
-#[path = "without_data_sets.rs"]
-pub mod data_set;
 
 use anyhow::Context;
 use base::streams;
@@ -163,7 +84,7 @@ struct Arguments {
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Run a bench or a scenario: attitude from its link, frames into its sink, on a deadline
-    Run(run_args::RunArgs),
+    Run(run::args::RunArgs),
     /// Run a bench on the real clock and compare the time of every stage with its budget
     Budget(budget::BudgetArgs),
     /// Draw the frames of a captured run again and compare them bit by bit, or those of a capture of the bus
@@ -203,21 +124,21 @@ enum Command {
     /// Write attitudes, the observer's orbit and places of stars as AEM, OEM, STK files, CSV
     Export(export::ExportArgs),
     /// Write a bench as an FMI 3.0 co-simulation unit, for simulators that import such units
-    Fmu(fmu::FmuArgs),
+    Fmu(export::FmuArgs),
     /// Print every key of the configuration files with unit, range, default and meaning, as Markdown
     Keys(keys::KeysArgs),
     /// Print the JSON Schema of a kind of configuration files
-    Schema(schema::SchemaArgs),
+    Schema(keys::SchemaArgs),
     /// Print a configuration file in which every key is explained and commented out
-    Init(init::InitArgs),
+    Init(keys::InitArgs),
     /// Pack, describe or query a star catalog
     Catalog(catalog::CatalogArgs),
     /// Look for what this machine has for a bench: CAN, serial ports, GPU, display, real-time rights, clocks, Python
     Doctor(doctor::DoctorArgs),
     /// Print the completions of a shell: bash, zsh or fish
-    Completions(completions::CompletionsArgs),
+    Completions(help::CompletionsArgs),
     /// Write the manual pages of all commands
-    Man(manual::ManArgs),
+    Man(help::ManArgs),
 }
 
 /// Returns an error and its causes, without those that an error before them already contains.
@@ -255,7 +176,7 @@ fn end_on_a_failed_print() {
 /// Returns the whole command line, with groups and examples in its help.
 pub fn command() -> clap::Command {
     let plain = advice::with_negative_numbers(Arguments::command());
-    command_groups::with_groups(examples::with_examples(plain))
+    help::with_groups(help::with_examples(plain))
 }
 
 /// Most threads that draw.
@@ -273,7 +194,7 @@ pub fn main() -> ExitCode {
         // Output that failed is reported below, with the stream.
         Err(error) if streams::output_has_failed() && error.root_cause().is::<std::io::Error>() => EXIT_DONE,
         Err(error) => {
-            eprintln!("starloop: {}", plain_text::plain_text(&chain(&error)));
+            eprintln!("starloop: {}", terminal::plain_text(&chain(&error)));
             if is_wrong_command_line(&error) { EXIT_USAGE } else { EXIT_FAILED }
         }
     };
@@ -317,13 +238,39 @@ fn run_command(command: Command) -> anyhow::Result<u8> {
         Command::Fly(arguments) => fly::run(&arguments),
         Command::Report(arguments) => report::run(&arguments),
         Command::Export(arguments) => export::run(&arguments).map(|()| EXIT_DONE),
-        Command::Fmu(arguments) => fmu::run(&arguments).map(|()| EXIT_DONE),
+        Command::Fmu(arguments) => export::run_fmu(&arguments).map(|()| EXIT_DONE),
         Command::Keys(arguments) => keys::run(&arguments).map(|()| EXIT_DONE),
-        Command::Schema(arguments) => schema::run(&arguments).map(|()| EXIT_DONE),
-        Command::Init(arguments) => init::run(&arguments).map(|()| EXIT_DONE),
+        Command::Schema(arguments) => keys::run_schema(&arguments).map(|()| EXIT_DONE),
+        Command::Init(arguments) => keys::run_init(&arguments).map(|()| EXIT_DONE),
         Command::Catalog(arguments) => catalog::run(arguments).map(|()| EXIT_DONE),
         Command::Doctor(arguments) => doctor::run(&arguments).map(|()| EXIT_DONE),
-        Command::Completions(arguments) => completions::run(&arguments).map(|()| EXIT_DONE),
-        Command::Man(arguments) => manual::run(&arguments).map(|()| EXIT_DONE),
+        Command::Completions(arguments) => help::run_completions(&arguments).map(|()| EXIT_DONE),
+        Command::Man(arguments) => help::run_man(&arguments).map(|()| EXIT_DONE),
+    }
+}
+
+/// `starloop dataset` in a program built without the feature `data_sets`: it fails and says how to build one with it.
+#[cfg(not(feature = "data_sets"))]
+pub mod data_set {
+    use anyhow::{Result, bail};
+    use clap::Args;
+
+    /// Command line of `dataset`: anything.
+    #[derive(Debug, Args)]
+    pub struct DataSetArgs {
+        /// Whatever a program with data sets takes
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true, hide = true)]
+        words: Vec<String>,
+    }
+
+    /// Fails.
+    ///
+    /// # Errors
+    /// Always.
+    pub fn run(_: &DataSetArgs) -> Result<u8> {
+        bail!(
+            "dataset: this program was built without data sets; install one with \
+             `cargo install --locked --path . --features data_sets`"
+        )
     }
 }

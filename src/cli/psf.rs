@@ -1,17 +1,16 @@
 //! `starloop psf`: a camera's star -> MTF of every link, widths, energies, what a star's colour changes; plots.
 
-use crate::cli::psf_star::{NYQUIST, Star};
-use crate::cli::{named_camera::named_camera, psf_plot, report_json::print_json};
+use crate::cli::{lines::Lines, named::named_camera, report_json::print_json};
 use anyhow::{Context, Result, bail};
 use clap::Args;
-use config::{LightOfChain, Psf};
-use core::fmt::Write;
-use frames::sink::write_file_atomically;
+use config::{Camera, Chain, LightOfChain, Psf};
+use frames::report::plot::{Axis, Chart, Series, Style};
+use frames::{report::to_svg, sink::write_file_atomically};
 use plan::optics::chain_psf::{ChainPsf, Drawing};
-use plan::optics::energy::{self, Centring};
-use plan::optics::{Band, PsfForm, PsfModel};
-use plan::optics::{chain_light::ChainLight, mtf::MtfChain};
-use std::path::PathBuf;
+use plan::optics::{Band, PsfForm, PsfGrid, PsfModel, energy};
+use plan::optics::{chain_light::ChainLight, energy::Centring, mtf::MtfChain};
+use run::wiring::camera_parts::camera_params;
+use std::path::{Path, PathBuf};
 
 /// Share of the light whose circle is printed.
 const HELD: f64 = 0.9;
@@ -79,7 +78,7 @@ pub fn run(arguments: &PsfArgs) -> Result<()> {
         print!("{}", report(&star, &arguments.at)?);
     }
     if let Some(path) = &arguments.plot {
-        for (path, svg) in psf_plot::files(&star, path) {
+        for (path, svg) in files(&star, path) {
             write_file_atomically(&path, |out| std::io::Write::write_all(out, svg.as_bytes()))
                 .with_context(|| format!("--plot {}", path.display()))?;
             if !arguments.json {
@@ -91,19 +90,20 @@ pub fn run(arguments: &PsfArgs) -> Result<()> {
 }
 
 fn report(star: &Star, shares: &[f64]) -> Result<String> {
-    let mut text = String::new();
-    head(&mut text, star)?;
-    text.push('\n');
+    let mut lines = Lines::new("", 12);
+    head(&mut lines, star);
+    lines.line("");
     if let Some((chain, _)) = &star.chain {
-        mtf_table(&mut text, star, chain, shares)?;
-        text.push('\n');
+        mtf_table(&mut lines, star, chain, shares);
+        lines.line("");
     }
-    energies(&mut text, star)?;
+    energies(&mut lines, star);
+    concentration(&mut lines, star);
     if let (Some((chain, drawn)), Some(band)) = (&star.chain, &star.camera.band) {
-        text.push('\n');
-        colors(&mut text, chain, drawn, band)?;
+        lines.line("");
+        colors(&mut lines, chain, drawn, band)?;
     }
-    Ok(text)
+    Ok(lines.text)
 }
 
 /// Returns the report as JSON.
@@ -142,41 +142,36 @@ fn facts(star: &Star, shares: &[f64]) -> serde_json::Value {
     })
 }
 
-fn head(text: &mut String, star: &Star) -> Result<()> {
+fn head(lines: &mut Lines, star: &Star) {
     let (camera, optics) = (&star.camera, &star.camera.optics);
     let pitch_um = camera.detector.pixel_pitch_um;
-    writeln!(
-        text,
-        "camera       \"{}\": f = {} mm, f/{:.2}, obscuration {}, {pitch_um} um pixels",
+    lines.named("camera").line(format_args!(
+        "\"{}\": f = {} mm, f/{:.2}, obscuration {}, {pitch_um} um pixels",
         camera.name,
         optics.focal_length_mm,
         optics.focal_length_mm / optics.aperture_mm,
         optics.obscuration
-    )?;
+    ));
     let Some((chain, drawn)) = &star.chain else {
-        writeln!(text, "star         {}", model_text(&camera.psf))?;
-        return Ok(());
+        return lines.fact("star", model_text(&camera.psf));
     };
     let light = if let Psf::Chain(chain) = &camera.psf { Some(chain.light) } else { None };
     match (light, chain.params().band.as_slice()) {
-        (Some(LightOfChain::Color(bp_rp)), band @ [first, .., last]) => writeln!(
-            text,
-            "light        the band for a star of BP-RP = {bp_rp}: {} wavelengths from {:.0} to {:.0} nm, mean {:.0} nm",
+        (Some(LightOfChain::Color(bp_rp)), band @ [first, .., last]) => lines.named("light").line(format_args!(
+            "the band for a star of BP-RP = {bp_rp}: {} wavelengths from {:.0} to {:.0} nm, mean {:.0} nm",
             band.len(),
             first.wavelength_nm,
             last.wavelength_nm,
             chain.mean_wavelength_nm()
-        )?,
-        _ => writeln!(text, "light        {:.0} nm", chain.mean_wavelength_nm())?,
+        )),
+        _ => lines.fact("light", format_args!("{:.0} nm", chain.mean_wavelength_nm())),
     }
-    writeln!(
-        text,
-        "star         chain, drawn with {} samples per pixel to {} px; no pixel errs by more than {:.1e} of the flux",
+    lines.named("star").line(format_args!(
+        "chain, drawn with {} samples per pixel to {} px; no pixel errs by more than {:.1e} of the flux",
         drawn.grid.oversampling(),
         drawn.grid.half_px(),
         drawn.between + drawn.folded
-    )?;
-    Ok(())
+    ));
 }
 
 fn model_text(psf: &Psf) -> String {
@@ -189,29 +184,27 @@ fn model_text(psf: &Psf) -> String {
     }
 }
 
-fn mtf_table(text: &mut String, star: &Star, chain: &MtfChain, shares: &[f64]) -> Result<()> {
-    write!(text, "{:<24}", "MTF at shares of Nyquist")?;
-    shares.iter().try_for_each(|share| write!(text, "{share:>9}"))?;
-    let mut row = |name: &str, of: &dyn Fn(f64) -> f64| -> Result<()> {
-        write!(text, "\n  {name:<22}")?;
-        Ok(shares.iter().try_for_each(|share| write!(text, "{:>9.5}", of(share * NYQUIST) + 0.0))?)
+fn mtf_table(lines: &mut Lines, star: &Star, chain: &MtfChain, shares: &[f64]) {
+    let heads: String = shares.iter().map(|share| format!("{share:>9}")).collect();
+    lines.line(format_args!("{:<24}{heads}", "MTF at shares of Nyquist"));
+    let mut row = |name: &str, of: &dyn Fn(f64) -> f64| {
+        let values: String = shares.iter().map(|share| format!("{:>9.5}", of(share * NYQUIST) + 0.0)).collect();
+        lines.line(format_args!("  {name:<22}{values}"));
     };
     for term in chain.terms() {
-        row(term.name(), &|f| chain.term(term, term.axis().map(|axis| axis * f)))?;
+        row(term.name(), &|f| chain.term(term, term.axis().map(|axis| axis * f)));
     }
     if star.has_axes() {
-        row("product along rows", &|f| chain.product([f, 0.0]))?;
-        row("product along columns", &|f| chain.product([0.0, f]))?;
+        row("product along rows", &|f| chain.product([f, 0.0]));
+        row("product along columns", &|f| chain.product([0.0, f]));
     } else {
-        row("product", &|f| chain.product([f, 0.0]))?;
-        row("product, 45 deg", &|f| chain.product([f * core::f64::consts::FRAC_1_SQRT_2; 2]))?;
+        row("product", &|f| chain.product([f, 0.0]));
+        row("product, 45 deg", &|f| chain.product([f * core::f64::consts::FRAC_1_SQRT_2; 2]));
     }
-    text.push('\n');
-    writeln!(text, "  nothing passes beyond {:.2} cycles/px", chain.cutoff())?;
-    Ok(())
+    lines.line(format_args!("  nothing passes beyond {:.2} cycles/px", chain.cutoff()));
 }
 
-fn energies(text: &mut String, star: &Star) -> Result<()> {
+fn energies(lines: &mut Lines, star: &Star) {
     let psf = &star.psf;
     let chain = star.chain.as_ref().map(|(chain, _)| ChainLight::of(chain));
     // Samples of what pixels see say nothing of the light before.
@@ -221,34 +214,27 @@ fn energies(text: &mut String, star: &Star) -> Result<()> {
         (None, PsfForm::Grid(_) | PsfForm::Field(_)) => "-".into(),
         _ => format!("{:.4}", of_model(psf)),
     };
-    writeln!(text, "{:<32}{:>18}{:>20}", "star on a pixel's centre", "before the pixel", "as pixels see it")?;
+    lines.line(format_args!("{:<32}{:>18}{:>20}", "star on a pixel's centre", "before the pixel", "as pixels see it"));
     let before = light(&energy::fwhm_px, &|chain| chain.fwhm_px());
-    writeln!(text, "  {:<30}{before:>18}{:>20.4}", "FWHM, px", energy::seen_fwhm_px(psf))?;
+    lines.line(format_args!("  {:<30}{before:>18}{:>20.4}", "FWHM, px", energy::seen_fwhm_px(psf)));
     for radius_px in RADII_PX {
         let before = light(&|psf| energy::encircled_energy(psf, radius_px), &|chain| chain.encircled_energy(radius_px));
         let seen = energy::seen_encircled_energy(psf, radius_px);
-        writeln!(text, "  {:<30}{before:>18}{seen:>20.4}", format!("encircled energy, {radius_px} px"))?;
+        lines.line(format_args!("  {:<30}{before:>18}{seen:>20.4}", format!("encircled energy, {radius_px} px")));
     }
     let radius = energy::seen_radius_px(psf, HELD, LARGEST_RADIUS_PX);
     let radius = radius.map_or_else(|| format!("over {LARGEST_RADIUS_PX}"), |px| format!("{px:.4}"));
-    writeln!(text, "  {:<30}{:>18}{radius:>20}", format!("radius of {:.0} %, px", 100.0 * HELD), "")?;
-    let energy = |name: &str, share: f64| format!("  {name:<48}{share:>20.4}\n");
-    text.push_str(&energy(
-        "energy on detector (one pixel), centred",
-        energy::energy_on_detector(psf, Centring::Centre),
-    ));
-    text.push_str(&energy("energy on detector, star on a corner", energy::energy_on_detector(psf, Centring::Corner)));
+    lines.line(format_args!("  {:<30}{:>18}{radius:>20}", format!("radius of {:.0} %, px", 100.0 * HELD), ""));
+    let mut share = |name: &str, share: f64| lines.line(format_args!("  {name:<48}{share:>20.4}"));
+    share("energy on detector (one pixel), centred", energy::energy_on_detector(psf, Centring::Centre));
+    share("energy on detector, star on a corner", energy::energy_on_detector(psf, Centring::Corner));
     for side_px in [3, 5, 7] {
-        text.push_str(&energy(
-            &format!("ensquared energy, {side_px} x {side_px} px"),
-            energy::ensquared_energy(psf, side_px),
-        ));
+        share(&format!("ensquared energy, {side_px} x {side_px} px"), energy::ensquared_energy(psf, side_px));
     }
-    concentration(text, star)
 }
 
 /// Returns the share within the square around the Airy disc at the longest wavelength.
-fn concentration(text: &mut String, star: &Star) -> Result<()> {
+fn concentration(lines: &mut Lines, star: &Star) {
     let lambda_n_px = match (&star.chain, &star.camera.psf) {
         (Some((chain, _)), _) => {
             let p = chain.params();
@@ -258,29 +244,26 @@ fn concentration(text: &mut String, star: &Star) -> Result<()> {
         (None, Psf::Airy { f_number, wavelength_nm, .. }) => {
             wavelength_nm * 1e-3 * f_number / star.camera.detector.pixel_pitch_um
         }
-        _ => return Ok(()),
+        _ => return,
     };
     let radius_px = energy::airy_radius_px(lambda_n_px);
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small positive number")]
     let side_px = (2.0 * (radius_px - 0.5).ceil().max(1.0)) as usize + 1;
     let share = energy::ensquared_energy(&star.psf, side_px.min(97));
-    writeln!(
-        text,
-        "energy concentration: {:.1} % within {side_px} x {side_px} px, the envelope of the Airy disc (radius {radius_px:.2} \
-         px): {} the published 90 %",
+    lines.line(format_args!(
+        "energy concentration: {:.1} % within {side_px} x {side_px} px, the envelope of the Airy disc (radius \
+         {radius_px:.2} px): {} the published 90 %",
         100.0 * share,
         if share > HELD { "above" } else { "not above" }
-    )?;
-    Ok(())
+    ));
 }
 
 /// Writes how the star changes with colours other than the reference.
-fn colors(text: &mut String, chain: &MtfChain, drawn: &ChainPsf, band: &Band) -> Result<()> {
-    writeln!(
-        text,
+fn colors(lines: &mut Lines, chain: &MtfChain, drawn: &ChainPsf, band: &Band) -> Result<()> {
+    lines.line(format_args!(
         "{:<22}{:>10}{:>12}{:>14}{:>22}",
         "star colour", "mean nm", "seen FWHM", "EE 1 px", "largest difference"
-    )?;
+    ));
     let reference = PsfModel::grid(drawn.grid.clone());
     let same = Drawing {
         oversampling: Some(drawn.grid.oversampling()),
@@ -293,21 +276,20 @@ fn colors(text: &mut String, chain: &MtfChain, drawn: &ChainPsf, band: &Band) ->
         let psf = PsfModel::grid(ChainPsf::draw(&other, &same)?.grid);
         let difference = largest_difference(&psf, &reference);
         worst = worst.max(difference);
-        writeln!(
-            text,
+        lines.line(format_args!(
             "  {:<20}{:>10.0}{:>9.4} px{:>14.4}{difference:>13.1e} of flux",
             format!("{name}, BP-RP = {bp_rp}"),
             other.mean_wavelength_nm(),
             energy::seen_fwhm_px(&psf),
             energy::seen_encircled_energy(&psf, 1.0)
-        )?;
+        ));
     }
     let reported = if worst <= ONE_PSF {
         "one PSF is enough for all stars"
     } else {
         "one PSF does not do for all stars: choose psf.bp_rp for those that matter"
     };
-    writeln!(text, "  {reported} (a pixel may err by {ONE_PSF:.0e} of the flux)")?;
+    lines.line(format_args!("  {reported} (a pixel may err by {ONE_PSF:.0e} of the flux)"));
     Ok(())
 }
 
@@ -319,8 +301,159 @@ fn largest_difference(a: &PsfModel, b: &PsfModel) -> f64 {
     places.map(|(x, y)| (a.pixel(x, y) - b.pixel(x, y)).abs()).fold(0.0, f64::max)
 }
 
+// A camera's star: its PSF and the chain that makes it, for a colour and a place in the field.
+
+/// Nyquist frequency, cycles/px.
+pub(super) const NYQUIST: f64 = 0.5;
+/// Samples per pixel of a blend of a field's PSFs.
+const GRID_OVERSAMPLING: usize = 16;
+/// Share of the light that may lie outside such a blend.
+const GRID_OUTSIDE: f64 = 1e-4;
+
+/// A camera's star and all that is known of it.
+#[derive(Debug)]
+pub(super) struct Star {
+    pub(super) camera: Camera,
+    pub(super) psf: PsfModel,
+    /// The chain, and what drawing it errs by; for chains.
+    pub(super) chain: Option<(MtfChain, ChainPsf)>,
+}
+
+impl Star {
+    pub(super) fn new(mut camera: Camera, bp_rp: Option<f64>) -> Result<Self> {
+        if let Some(bp_rp) = bp_rp {
+            let band = camera.band.clone();
+            match (&mut camera.psf, band) {
+                (Psf::Chain(chain), Some(band)) => take_color(chain, &band, bp_rp)?,
+                _ => bail!("--bp-rp is {bp_rp}, but \"{}\" has no chain over a [band]: leave it out", camera.name),
+            }
+        }
+        let Psf::Chain(chain) = &camera.psf else {
+            let psf = camera_params(&camera)?.psf;
+            return Ok(Self { camera, psf, chain: None });
+        };
+        let chain = MtfChain::new(chain.params.clone())?;
+        let drawn =
+            ChainPsf::draw(&chain, &Drawing::default()).with_context(|| format!("camera \"{}\"", camera.name))?;
+        Ok(Self { camera, psf: PsfModel::grid(drawn.grid.clone()), chain: Some((chain, drawn)) })
+    }
+
+    /// Takes the PSF of another place in the field.
+    pub(super) fn move_to(&mut self, place: &[f64]) -> Result<()> {
+        let detector = &self.camera.detector;
+        let size = [detector.width_px, detector.height_px].map(f64::from);
+        let &[x, y] = place else { bail!("--place has {} numbers; wanted two, such as 100,200", place.len()) };
+        if !(-0.5..=size[0] - 0.5).contains(&x) || !(-0.5..=size[1] - 0.5).contains(&y) {
+            bail!("--place is {x},{y}; wanted a place on the detector of {} x {} px", size[0], size[1]);
+        }
+        if self.psf.as_field().is_none() {
+            bail!("--place is {x},{y}, but \"{}\" has one PSF for all places: leave it out", self.camera.name);
+        }
+        let half_px = self.psf.half_px(GRID_OUTSIDE).max(2);
+        let blend = PsfGrid::sampled(GRID_OVERSAMPLING, half_px, |dx, dy| self.psf.pixel_of([x, y], dx, dy));
+        self.psf = PsfModel::grid(blend.with_context(|| format!("the PSF at {x},{y}"))?);
+        Ok(())
+    }
+
+    /// Returns whether x and y differ.
+    pub(super) fn has_axes(&self) -> bool {
+        self.chain.as_ref().is_some_and(|(chain, _)| chain.has_axes())
+    }
+}
+
+fn take_color(chain: &mut Chain, band: &Band, bp_rp: f64) -> Result<()> {
+    if !(-1.0..=7.0).contains(&bp_rp) {
+        bail!("--bp-rp is {bp_rp}; wanted a colour from -1 to 7, such as the Sun's, 0.82");
+    }
+    chain.light = LightOfChain::Color(bp_rp);
+    chain.params = chain.params.in_band(band, bp_rp);
+    Ok(())
+}
+
+// The plots of `starloop psf`: the chain over frequency, and the star over distance.
+
+/// Points of a curve.
+const POINTS: u32 = 160;
+/// Frequencies are shown to this share of Nyquist.
+const HIGHEST: f64 = 3.0;
+/// Distances are shown to this, px.
+const FURTHEST_PX: f64 = 6.0;
+
+/// Files and their texts: the chain, where there is one, under the name given, and the star beside it.
+pub(super) fn files(star: &Star, path: &Path) -> Vec<(PathBuf, String)> {
+    let chain = chain_chart(star).map(|chart| (path.to_path_buf(), to_svg(&chart)));
+    let beside = if chain.is_some() { beside(path) } else { path.to_path_buf() };
+    chain.into_iter().chain([(beside, to_svg(&star_chart(star)))]).collect()
+}
+
+/// Returns `dir/name_energy.svg` for `dir/name.svg`.
+fn beside(path: &Path) -> PathBuf {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    path.with_file_name(format!("{stem}_energy.svg"))
+}
+
+fn curve(name: &str, style: Style, group: usize, to: f64, of: &dyn Fn(f64) -> f64) -> Series {
+    let at = |i: u32| to * f64::from(i) / f64::from(POINTS);
+    let points = (0..=POINTS).map(|i| [at(i), of(at(i))]).collect();
+    Series::new(name, style, group, points)
+}
+
+fn chain_chart(star: &Star) -> Option<Chart> {
+    let (chain, _) = star.chain.as_ref()?;
+    let terms = chain.terms().enumerate().map(|(group, term)| {
+        let along = |share: f64| term.axis().map(|axis| axis * share * NYQUIST);
+        curve(term.name(), Style::DashedLine, group + 1, HIGHEST, &|share| chain.term(term, along(share)))
+    });
+    let product = |name: &str, group, along: [f64; 2]| {
+        let at = move |share: f64| along.map(|axis| axis * share * NYQUIST);
+        curve(name, Style::Line, group, HIGHEST, &|share| chain.product(at(share)))
+    };
+    let mut series: Vec<Series> = terms.collect();
+    if chain.has_axes() {
+        series.push(product("product along rows", 0, [1.0, 0.0]));
+        series.push(product("product along columns", series.len(), [0.0, 1.0]));
+    } else {
+        series.push(product("product", 0, [1.0, 0.0]));
+    }
+    Some(Chart {
+        title: format!("Modulation transfer, {}", star.camera.name),
+        x: Axis::linear("spatial frequency over Nyquist (0.5 cycles/px)"),
+        y: Axis::linear("MTF"),
+        series,
+        ring: String::new(),
+        notes: vec![format!(
+            "Mean wavelength {:.0} nm, f/{:.2}; cutoff {:.2} of Nyquist.",
+            chain.mean_wavelength_nm(),
+            chain.params().f_number,
+            chain.cutoff() / NYQUIST
+        )],
+    })
+}
+
+fn star_chart(star: &Star) -> Chart {
+    let psf = &star.psf;
+    let peak = psf.pixel(0.0, 0.0);
+    let steps = 48;
+    let circles = (0..=steps).map(|i| FURTHEST_PX * f64::from(i) / f64::from(steps));
+    let energy = circles.map(|r| [r, if r > 0.0 { energy::seen_encircled_energy(psf, r) } else { 0.0 }]).collect();
+    Chart {
+        title: format!("The star as pixels see it, {}", star.camera.name),
+        x: Axis::linear("distance from the star, px"),
+        y: Axis::linear("share"),
+        series: vec![
+            curve("pixel's share over the largest, along rows", Style::Line, 0, FURTHEST_PX, &|r| {
+                psf.pixel(r, 0.0) / peak
+            }),
+            Series::new("encircled energy", Style::Line, 1, energy),
+            curve("90 %", Style::DashedLine, 2, FURTHEST_PX, &|_| 0.9),
+        ],
+        ring: String::new(),
+        notes: vec![format!("Largest share of a pixel: {peak:.4}.")],
+    }
+}
+
 #[cfg(test)]
-mod tests {
+mod psf_tests {
     use super::*;
     use std::path::Path;
 
@@ -381,5 +514,27 @@ mod tests {
         assert_eq!(largest_difference(&narrow, &narrow), 0.0);
         let peak = narrow.pixel(0.0, 0.0) - wide.pixel(0.0, 0.0);
         assert!((largest_difference(&narrow, &wide) - peak).abs() < 1e-12, "the middle differs most");
+    }
+}
+
+#[cfg(test)]
+mod psf_plot_tests {
+    use super::*;
+    use config::{Camera, Document};
+
+    fn star(name: &str) -> Star {
+        Star::new(Camera::from_document(&Document::built_in(name).unwrap()).unwrap(), None).unwrap()
+    }
+
+    #[test]
+    fn a_chain_has_two_plots_and_another_model_one() {
+        let chain = files(&star("cameras/chain_tracker.toml"), Path::new("out/psf.svg"));
+        let names: Vec<_> = chain.iter().map(|(path, _)| path.to_string_lossy().into_owned()).collect();
+        assert_eq!(names, ["out/psf.svg", "out/psf_energy.svg"]);
+        assert!(chain[0].1.contains("diffraction") && chain[0].1.contains("product"), "terms");
+        assert!(chain[1].1.contains("encircled energy"), "energy");
+        let gaussian = files(&star("cameras/small_tracker.toml"), Path::new("psf.svg"));
+        assert_eq!(gaussian.len(), 1);
+        assert_eq!(gaussian[0].0, Path::new("psf.svg"));
     }
 }

@@ -4,8 +4,7 @@
 //! recorded frames with `--out`, and an exit status for scripts: 4 when an image differs, 1 for a capture that does not
 //! hold what its end record states.
 
-use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
-use crate::cli::{plain_text::plain_text, report_json::print_json};
+use crate::cli::{EXIT_DONE, EXIT_NOT_MET, report_json::print_json, terminal::plain_text};
 use anyhow::{Result, bail};
 use clap::Args;
 use config::Scenario;

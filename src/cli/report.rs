@@ -1,17 +1,16 @@
 //! `starloop report`: a tracker's log compared with the truth of a run, or of a flown plan.
 
-use crate::cli::report_json::json_line;
-use crate::cli::{EXIT_DONE, EXIT_NOT_MET, provenance};
+use crate::cli::{EXIT_DONE, EXIT_NOT_MET, provenance, report_json::json_line};
 use anyhow::{Context, Result, bail};
 use base::input_file::{SETTINGS_BYTES, read_text};
 use clap::Args;
 use frames::sink::write_file_atomically;
 use performance::assess::{Assessment, assess};
 use performance::case_folder::{CASE, LOG, PLAN, PlanFile, read_case};
-use performance::provenance::{FileHash, Provenance};
+use performance::metric::{Settings, check_share};
+use performance::provenance::{FileHash, Paperwork, Provenance};
 use performance::report::{MOST_HTML_BYTES, Report, to_html, to_junit};
-use performance::settings::{Settings, check_share};
-use performance::{paperwork::Paperwork, record::Case, requirements::Requirements};
+use performance::{record::Case, requirements::Requirements};
 use run::wiring::sinks::directory_of_head;
 use std::path::{Path, PathBuf};
 use std::process::Command;

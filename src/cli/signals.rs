@@ -9,8 +9,7 @@ use anyhow::{Context, Result};
 use base::{streams::say, unfinished};
 use core::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
-use signal_hook::iterator::Signals;
-use signal_hook::{flag, low_level};
+use signal_hook::{flag, iterator::Signals, low_level};
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 

@@ -1,11 +1,10 @@
 //! `starloop snr`: how bright a star must be for a camera to see it, and how bright it may be.
 
-use crate::cli::radiometry_reported::{drawn_mag, drawn_text, radiometry_text};
-use crate::cli::{named_camera::named_camera, report_json::print_json};
+use crate::cli::named::{drawn_mag, drawn_text, named_camera, radiometry_text};
+use crate::cli::{lines::Lines, report_json::print_json};
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use config::Camera;
-use core::fmt::Write;
 use frames::report::plot::{Axis, Chart, Series, Style, to_svg};
 use frames::sink::write_file_atomically;
 use plan::optics::{photometry_v::mag_v, star_light::surface_brightness_e_per_s_px};
@@ -85,7 +84,7 @@ pub fn run(arguments: &SnrArgs) -> Result<()> {
     if arguments.json {
         print_json("snr", facts(&camera, limiting_mag, &sensitivity, &mags))?;
     } else {
-        print!("{}", report(&camera, limiting_mag, &sensitivity, &mags)?);
+        print!("{}", report(&camera, limiting_mag, &sensitivity, &mags));
     }
     if let Some(path) = &arguments.plot {
         let svg = to_svg(&chart(&camera, &sensitivity, &mags));
@@ -163,19 +162,17 @@ fn parsed_range(text: &str) -> Result<(f64, f64, f64)> {
     Ok(range)
 }
 
-fn report(camera: &Camera, limiting_mag: f32, sensitivity: &Sensitivity, mags: &[f64]) -> Result<String> {
-    let mut text = String::new();
-    head(&mut text, camera, sensitivity)?;
-    writeln!(
-        text,
+fn report(camera: &Camera, limiting_mag: f32, sensitivity: &Sensitivity, mags: &[f64]) -> String {
+    let mut lines = Lines::new("", 12);
+    head(&mut lines, camera, sensitivity);
+    lines.line(format_args!(
         "\n{:>7}{:>8}{:>12}{:>11}{:>9}{:>8}{:>8}{:>8}{:>8}{:>9}{:>9}{:>9}{:>8}",
         "G", "V", "signal e-", "peak e-", "shot", "dark", "sky", "read", "round", "SNR", "optimal", "PRNU", "DSNU"
-    )?;
+    ));
     for &mag in mags {
         let t = sensitivity.terms(mag);
         let full = t.peak_e + sensitivity.pixel.dark_e + sensitivity.pixel.background_e > sensitivity.full_e;
-        writeln!(
-            text,
+        lines.line(format_args!(
             "{mag:>7.2}{:>8.2}{:>12.1}{:>11.1}{:>9.1}{:>8.1}{:>8.1}{:>8.1}{:>8.1}{:>9.2}{:>9.2}{:>9.1}{:>8.1}{}",
             mag_v(mag, sensitivity.bp_rp),
             t.signal_e,
@@ -190,61 +187,61 @@ fn report(camera: &Camera, limiting_mag: f32, sensitivity: &Sensitivity, mags: &
             t.prnu_e,
             t.dsnu_e,
             if full { "  saturated" } else { "" }
-        )?;
+        ));
     }
-    text.push('\n');
-    limits(&mut text, sensitivity)?;
-    writeln!(text, "{}, as far as the catalog of a bench reaches", drawn_text(camera, limiting_mag))?;
-    Ok(text)
+    lines.line("");
+    limits(&mut lines, sensitivity);
+    lines.line(format_args!("{}, as far as the catalog of a bench reaches", drawn_text(camera, limiting_mag)));
+    lines.text
 }
 
-fn head(text: &mut String, camera: &Camera, sensitivity: &Sensitivity) -> Result<()> {
+fn head(lines: &mut Lines, camera: &Camera, sensitivity: &Sensitivity) {
     let Sensitivity { window, pixel, exposure_s, bp_rp, .. } = sensitivity;
-    writeln!(text, "camera       \"{}\", exposure {exposure_s} s, {:.2} arcsec/px", camera.name, camera.ifov_arcsec())?;
-    writeln!(text, "radiometry   {}", radiometry_text(camera))?;
+    lines.named("camera").line(format_args!(
+        "\"{}\", exposure {exposure_s} s, {:.2} arcsec/px",
+        camera.name,
+        camera.ifov_arcsec()
+    ));
+    lines.fact("radiometry", radiometry_text(camera));
     if let Some(zero_point) = sensitivity.light.zero_point_e_per_s() {
         let term = sensitivity.light.mag_instrument(0.0, *bp_rp);
-        writeln!(text, "zero point   {zero_point:.4e} e-/s at magnitude 0; stars of BP-RP = {bp_rp}: G{term:+.3}")?;
+        lines
+            .named("zero point")
+            .line(format_args!("{zero_point:.4e} e-/s at magnitude 0; stars of BP-RP = {bp_rp}: G{term:+.3}"));
     }
-    writeln!(
-        text,
-        "window       {0} x {0} px with {1:.4} of the light, {2:.4} in the brightest pixel",
+    lines.named("window").line(format_args!(
+        "{0} x {0} px with {1:.4} of the light, {2:.4} in the brightest pixel",
         window.side_px(),
         window.share(),
         window.peak()
-    )?;
-    writeln!(
-        text,
-        "pixel        {:.2} e- rms without a star: dark signal {:.3} e-, background {:.3} e-, read noise {} e- rms, \
-         one DN = {:.3} e-",
+    ));
+    lines.named("pixel").line(format_args!(
+        "{:.2} e- rms without a star: dark signal {:.3} e-, background {:.3} e-, read noise {} e- rms, one DN \
+         = {:.3} e-",
         pixel.variance_e2().sqrt(),
         pixel.dark_e,
         pixel.background_e,
         pixel.read_noise_e_rms,
         pixel.lsb_e
-    )?;
-    Ok(())
+    ));
 }
 
-fn limits(text: &mut String, sensitivity: &Sensitivity) -> Result<()> {
+fn limits(lines: &mut Lines, sensitivity: &Sensitivity) {
     let reported = |mag: Option<f64>| {
         mag.map_or_else(|| "none".into(), |mag| format!("G = {mag:.2} (V = {:.2})", mag_v(mag, sensitivity.bp_rp)))
     };
     for snr in LIMITS {
-        writeln!(
-            text,
+        lines.line(format_args!(
             "limiting magnitude at SNR {snr}: {}; with optimal weights {}",
             reported(sensitivity.limiting_mag(snr)),
             reported(sensitivity.limiting_mag_optimal(snr))
-        )?;
+        ));
     }
-    writeln!(
-        text,
+    lines.line(format_args!(
         "saturation magnitude: {}, where the brightest pixel holds {:.0} e-",
         reported(sensitivity.saturation_mag()),
         sensitivity.full_e
-    )?;
-    Ok(())
+    ));
 }
 
 /// Returns the report as JSON.
@@ -333,7 +330,7 @@ mod tests {
         let mags = magnitudes(None, &sensitivity).unwrap();
         assert!(mags[0] < sensitivity.saturation_mag().unwrap());
         assert!(mags[mags.len() - 1] > sensitivity.limiting_mag(3.0).unwrap() && mags.len() <= 20, "{mags:?}");
-        let text = report(&camera, 7.0, &sensitivity, &mags).unwrap();
+        let text = report(&camera, 7.0, &sensitivity, &mags);
         for word in
             ["zero point", "limiting magnitude at SNR 3: G = ", "SNR 5", "saturation magnitude: G = ", "saturated"]
         {
@@ -347,7 +344,7 @@ mod tests {
     fn the_two_published_cases_are_reproduced() {
         for (name, limit) in [("15", "limiting magnitude at SNR 3: G = 15.00"), ("22", "at SNR 3: G = 22.00")] {
             let (camera, sensitivity) = built_in(&format!("cameras/detection_limit_{name}mag.toml"));
-            let text = report(&camera, 7.0, &sensitivity, &magnitudes(None, &sensitivity).unwrap()).unwrap();
+            let text = report(&camera, 7.0, &sensitivity, &magnitudes(None, &sensitivity).unwrap());
             assert!(text.contains(limit), "{text}");
         }
     }

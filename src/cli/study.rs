@@ -1,7 +1,6 @@
 //! `starloop study`: latency and jitter injected into the closed loop, compared with linear theory: a table and charts.
 
-use crate::cli::report_json::print_json;
-use crate::cli::{EXIT_DONE, EXIT_NOT_MET, folder};
+use crate::cli::{EXIT_DONE, EXIT_NOT_MET, named, report_json::print_json};
 use anyhow::Result;
 use base::clock::Stopwatch;
 use batch::study::{Effort, Study};
@@ -51,7 +50,7 @@ pub fn run(arguments: &StudyArgs) -> Result<u8> {
     RunMemory::of_loops(&scenario.bench, scenario.bench.head_count(), usize::MAX, rayon::current_num_threads())
         .check()?;
     // A folder that cannot be made is reported before minutes of measuring.
-    folder::make("--out", &arguments.out)?;
+    named::make_folder("--out", &arguments.out)?;
     let effort = if arguments.quick { Effort::quick() } else { Effort::full() };
     let study = Study::new(&scenario, effort)?;
     let watch = Stopwatch::start();

@@ -1,13 +1,12 @@
 //! `starloop verify`: compares a camera's own frames with its file: photon transfer, and errors by brightness.
 
-use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
-use crate::cli::{named_camera::named_camera, report_json::print_json, run_args::BackendName};
+use crate::cli::{EXIT_DONE, EXIT_NOT_MET, named::named_camera, report_json::print_json, run::args::BackendName};
 use anyhow::{Result, bail};
 use base::image::{DnImage, ElectronImage, Image};
 use base::{accuracy::AccuracyBudget, axes::Rotation, time::Tai};
 use batch::verify::data_sheet::{Comparison, Stated};
-use batch::verify::fidelity::{self, Fidelity, FidelityRow, Truth};
-use batch::verify::{DataSheet, Procedure, StarField, characterise, table};
+use batch::verify::fidelity::{Fidelity, FidelityRow, Truth};
+use batch::verify::{DataSheet, Procedure, StarField, characterise, fidelity, table};
 use clap::Args;
 use frames::{report::to_svg, sink::write_file_atomically};
 use image::detector::{Detector, DetectorConditions, DetectorParams, Nonlinearity, Patterns, SpatialParams};

@@ -1,15 +1,18 @@
 //! Attitudes of a test plan: one, a grid over the field, shifts by parts of a pixel, uniform over all, away from Sun,
 //! Moon or Earth.
 
-use crate::exclusion::{EARTH_LIMB_ANGLE, MOON_ANGLE, SUN_ANGLE};
-use crate::{attitude_error::turned, bright_bodies::BrightBodies};
+use crate::availability::{EARTH_LIMB_ANGLE, MOON_ANGLE, SUN_ANGLE};
+use crate::record::turned;
 use anyhow::{Context, Result, bail};
 use base::axes::{Icrf, Sensor, attitude_of_uniforms, sensor_from_ra_dec_roll};
-use base::time::Tai;
+use base::time::{Span, Tai};
+use config::{Scenario, StartTime};
 use glam::{DQuat, DVec3};
-use run::wiring::seeded::uniforms;
+use run::wiring::{bench_parts::run_params, seeded::uniforms};
 use serde::Deserialize;
-use testbed::spacecraft::sun_direction_icrf;
+use sky::bodies::EARTH_RADIUS_KM;
+use sky::observer::{Observer, ObserverTrack};
+use testbed::{spacecraft::sun_direction_icrf, tracker_model::EarthDisc};
 
 /// Most attitudes of a case.
 const MOST: u32 = 100_000;
@@ -217,6 +220,61 @@ fn off(body: DVec3, angle_rad: f64, number: u32, count: u32) -> DQuat {
     DQuat::from_rotation_arc(boresight, DVec3::Z)
 }
 
+// Where the observer of a case sees Moon and Earth, at the times of its attitudes.
+
+/// The observer of a case.
+#[derive(Debug, Clone)]
+pub(crate) struct BrightBodies {
+    track: ObserverTrack,
+    zero: Tai,
+    each_s: f64,
+}
+
+impl BrightBodies {
+    /// Returns those of a run whose attitudes last `each_s`.
+    ///
+    /// # Errors
+    /// When the run has no start, or no observer can be made for it.
+    pub(crate) fn of_run(scenario: &Scenario, each_s: f64) -> Result<Self> {
+        let StartTime::At(start) = scenario.bench.timing.start else {
+            anyhow::bail!("timing.start_utc: got \"now\", wanted a time");
+        };
+        let params = run_params(&scenario.bench, start)?;
+        Ok(Self::of(params.observer, params.first_exposure, each_s))
+    }
+
+    /// Returns those of an observer whose first exposure is at `zero`.
+    pub(crate) fn of(observer: Observer, zero: Tai, each_s: f64) -> Self {
+        Self { track: ObserverTrack::new(observer, zero), zero, each_s }
+    }
+
+    /// Returns the unit vector to the Moon in the middle of an attitude, ICRF.
+    pub(crate) fn moon(&self, number: u32) -> Result<DVec3> {
+        Ok(self.track.bodies(self.middle_of(number))?.moon_km.normalize())
+    }
+
+    /// Returns the Earth's disc in the middle of an attitude.
+    pub(crate) fn earth_of_attitude(&self, number: u32) -> Result<EarthDisc> {
+        self.earth(self.middle_of(number))?.context(
+            "attitudes of kind \"from_earth\": got an observer at the Earth's centre; wanted one in orbit, such as set = \
+             [\"observer.kind=circular_orbit\"]",
+        )
+    }
+
+    /// Returns the Earth's disc; `None` from its centre.
+    pub(crate) fn earth(&self, at: Tai) -> Result<Option<EarthDisc>> {
+        let disc = |km: DVec3| EarthDisc {
+            direction_icrf: km.normalize(),
+            radius_rad: (EARTH_RADIUS_KM / km.length()).min(1.0).asin(),
+        };
+        Ok(self.track.bodies(at)?.earth_km.map(disc))
+    }
+
+    fn middle_of(&self, number: u32) -> Tai {
+        self.zero + Span::from_s(self.each_s * (f64::from(number) + 0.5))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -251,7 +309,7 @@ mod tests {
         let shifts = Attitudes::Shifts { ra_deg: 10.0, dec_deg: 20.0, roll_deg: 30.0, steps: 4, step_px: 0.25 };
         let all = shifts.list(&given(1, 1e-3, None)).unwrap();
         assert_eq!(all.len(), 16);
-        let turn = crate::attitude_error::attitude_error(all[1], all[0]);
+        let turn = crate::record::attitude_error(all[1], all[0]);
         // Small turns do not commute: the rest is of second order.
         assert!((turn - DVec3::X * 0.25e-3).length() < 1e-7, "{turn}");
     }
@@ -287,7 +345,7 @@ mod tests {
         let track = ObserverTrack::new(in_orbit_observer(), at());
         for (number, (moon, earth)) in from_moon.iter().zip(&from_earth).enumerate() {
             // Written afresh: the middle of the attitude's time, and the disc's radius from the height.
-            let there = track.bodies(at() + base::time::Span::from_s(100.0 * number as f64 + 50.0)).unwrap();
+            let there = track.bodies(at() + Span::from_s(100.0 * number as f64 + 50.0)).unwrap();
             let angle = |q: &DQuat, km: DVec3| (q.conjugate() * DVec3::Z).angle_between(km).to_degrees();
             assert!((angle(moon, there.moon_km) - 25.0).abs() < 1e-6);
             let limb_deg = (6378.137_f64 / 6928.137).asin().to_degrees();

@@ -1,9 +1,9 @@
 //! The folder of one case: `frames.csv` with the truth, `tracker_log.csv`, `case.json`; and that of a plan, with
 //! `plan.json`.
 
+use crate::metric::{Settings, refuse_all};
 use crate::record::{Case, FalseLimit, TruthRow, Use};
-use crate::settings::{Settings, refuse_all};
-use crate::{log::read_log, mounting::MountingDrift, paperwork::Paperwork};
+use crate::{log::read_log, poses::MountingDrift, provenance::Paperwork};
 use anyhow::{Context, Result, bail};
 use base::input_file::{DATA_BYTES, InputFile, SETTINGS_BYTES, read_text};
 use frames::sink::frame_log::{FrameRow, path_in, read_frame_log};

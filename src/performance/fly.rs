@@ -4,14 +4,12 @@
 //! same frames. The built-in tracker sees pixels and time tags, and is lost in space again at each attitude; a program
 //! outside gets the folder of images.
 
+use crate::attitudes::{BrightBodies, Circumstances};
 use crate::case_folder::{CASE, CaseFile, LOG};
 use crate::plan::{Plan, PlanCase, Source, folder_name};
 use crate::poses::{MARGIN_S, Pose, before_samples, margin_s, poses};
 use crate::tracker_inside::{Inside, TrackerLog};
-use crate::{
-    attitude_error::attitude_error, attitudes::Circumstances, bandwidth::SINE, bright_bodies::BrightBodies,
-    provenance::FileHash, settings::refuse_all,
-};
+use crate::{metric::refuse_all, noise::SINE, provenance::FileHash, record::attitude_error};
 use anyhow::{Context, Result, bail};
 use base::time::Span;
 use config::{Camera, Document, Scenario, Setting};
@@ -45,7 +43,8 @@ pub struct Flown {
 pub struct Flight<'a> {
     plan: &'a Plan,
     camera_path: PathBuf,
-    camera_name: String,
+    /// The camera's name.
+    pub camera_name: String,
     plan_folder: PathBuf,
     out: PathBuf,
     pixel_rad: f64,
@@ -88,11 +87,6 @@ impl<'a> Flight<'a> {
             inside,
             keeps_images: false,
         })
-    }
-
-    /// Returns the camera's name.
-    pub fn camera_name(&self) -> &str {
-        &self.camera_name
     }
 
     /// Checks the wanted cases without flying them and without writing anything.

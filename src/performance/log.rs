@@ -15,8 +15,7 @@
 //!
 //! A remark `# sense: icrf_from_body` before the rows says that quaternions are the conjugate of this program's.
 
-use crate::captured::{self, Captured};
-use crate::record::LogRow;
+use crate::{captured, captured::Captured, record::LogRow};
 use anyhow::{Context, Result, bail};
 use base::{axes::WRITTEN_NORM_TOLERANCE, time::Tai};
 use glam::DQuat;

@@ -1,9 +1,9 @@
 //! A test plan: what is flown, with which tracker, and how numbers are said.
 
-use crate::poses::{CaseMotion, Sine};
+use crate::metric::{Settings, refuse_all};
+use crate::poses::{CaseMotion, MountingDrift, Sine};
 use crate::record::{FalseLimit, Use};
-use crate::settings::{Settings, refuse_all};
-use crate::{attitudes::Attitudes, model_figures::ModelFigures, mounting::MountingDrift, paperwork::Paperwork};
+use crate::{attitudes::Attitudes, model_figures::ModelFigures, provenance::Paperwork};
 use anyhow::{Context, Result, anyhow, bail};
 use base::input_file::{SETTINGS_BYTES, read_text};
 use base::{time::Tai, units::ARCSEC};

@@ -1,10 +1,11 @@
+//! Frames and answers matched, and the error of one attitude.
+//!
 //! The truth of frames and the log of a tracker -> errors, frame by frame.
 //!
 //! A row of the log belongs to the frame that it names, else to the frame whose mid-exposure is nearest to its time
 //! tag, within half of the time between frames. Its error is that against the true attitude at the time that it states:
 //! a wrong time tag shows as an error along the motion.
 
-use crate::attitude_error::{attitude_error, directional, turned};
 use base::units::ARCSEC;
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
@@ -270,6 +271,131 @@ fn nanoseconds(s: f64) -> i64 {
     (s * 1e9) as i64
 }
 
+// The error of one attitude: a small turn of the measured frame from the true one, in sensor axes.
+//
+// Quaternions are this program's: `v_sensor = q v_icrf q*`, so a frame that turned by +a about its x axis has x = -sin(a/2).
+
+/// Returns the turn from the true frame to the measured one, rad, sensor axes: -2 times the vector part of `q_meas
+/// q_true*` where it is small, and the whole rotation vector where it is not.
+pub fn attitude_error(measured: DQuat, truth: DQuat) -> DVec3 {
+    let difference = measured * truth.conjugate();
+    let difference = if difference.w < 0.0 { -difference } else { difference };
+    let vector = difference.xyz();
+    let sine = vector.length();
+    if sine < 1e-9 {
+        return -2.0 * vector;
+    }
+    vector * (-2.0 * sine.atan2(difference.w) / sine)
+}
+
+/// Returns the attitude of a frame that has turned by `turn_rad`, a rotation vector in its own axes.
+pub fn turned(attitude: DQuat, turn_rad: DVec3) -> DQuat {
+    (DQuat::from_scaled_axis(-turn_rad) * attitude).normalize()
+}
+
+/// Returns the error of directions, across the boresight.
+pub fn directional(error_rad: DVec3) -> f64 {
+    error_rad.x.hypot(error_rad.y)
+}
+
 #[cfg(test)]
-#[path = "record_tests.rs"]
-mod tests;
+mod record_tests {
+    use super::*;
+
+    const LIMIT: FalseLimit = FalseLimit { directional_arcsec: 300.0, rotational_arcsec: 3000.0 };
+
+    fn truth(frame: u32, rate_rad_s: DVec3) -> TruthRow {
+        let t_s = f64::from(frame) * 0.1;
+        let attitude = turned(DQuat::from_rotation_x(0.3), rate_rad_s * t_s);
+        TruthRow {
+            frame,
+            mid_ns: i64::from(frame) * 100_000_000,
+            exposure_s: 0.05,
+            attitude,
+            rate_rad_s,
+            group: 0,
+            has_fault: false,
+        }
+    }
+
+    fn case(log: Vec<LogRow>, rate_rad_s: DVec3) -> Case {
+        let truth = (0..5).map(|frame| truth(frame, rate_rad_s)).collect();
+        Case { name: "x".into(), purpose: Use::Run, conditions: BTreeMap::new(), truth, log }
+    }
+
+    #[test]
+    fn rows_find_their_frames_by_number_or_time() {
+        let of = |frame: Option<u32>, at_ns: Option<i64>| {
+            let row = LogRow { frame, at_ns, attitude: Some(truth(3, DVec3::ZERO).attitude), ..LogRow::default() };
+            let judged = case(vec![row], DVec3::ZERO).judged(&LIMIT);
+            (judged.frames.iter().position(Judged::is_right), judged.stray_rows)
+        };
+        assert_eq!(of(Some(3), None), (Some(3), 0));
+        assert_eq!(of(None, Some(310_000_000)), (Some(3), 0), "10 ms off");
+        assert_eq!(of(Some(2), Some(310_000_000)), (Some(2), 0), "the number counts more");
+        assert_eq!(of(Some(9), None), (None, 1));
+        assert_eq!(of(None, Some(470_000_000)), (None, 1), "too late for any");
+        assert_eq!(of(None, None), (None, 1));
+    }
+
+    #[test]
+    fn a_late_time_tag_is_an_error_along_the_motion() {
+        let rate = DVec3::new(0.0, 0.01, 0.002);
+        let row = LogRow {
+            frame: Some(2),
+            at_ns: Some(200_000_000 + 3_000_000),
+            attitude: Some(truth(2, rate).attitude),
+            available_ns: Some(250_000_000),
+            stars: None,
+        };
+        let judged = case(vec![row], rate).judged(&LIMIT).frames[2];
+        let error = judged.error_rad().unwrap();
+        assert!((error + rate * 3e-3).length() < 1e-9, "{error}: it shows where the frame was 3 ms ago");
+        assert!((judged.tag_error_s.unwrap() - 3e-3).abs() < 1e-12);
+        assert!((judged.latency_s.unwrap() - 0.075).abs() < 1e-12, "from the start of the exposure");
+    }
+
+    #[test]
+    fn far_attitudes_are_false_and_the_first_counts() {
+        let right = truth(1, DVec3::ZERO).attitude;
+        let row = |attitude| LogRow { frame: Some(1), attitude, ..LogRow::default() };
+        let fate = |rows: Vec<LogRow>| case(rows, DVec3::ZERO).judged(&LIMIT).frames[1].fate;
+        let off = turned(right, DVec3::X * 301.0 * ARCSEC);
+        assert!(matches!(fate(vec![row(Some(off))]), Fate::False(_)));
+        assert!(matches!(fate(vec![row(Some(turned(right, DVec3::X * 299.0 * ARCSEC)))]), Fate::Right(_)));
+        assert!(matches!(fate(vec![row(Some(turned(right, DVec3::Z * 3001.0 * ARCSEC)))]), Fate::False(_)));
+        assert!(matches!(fate(vec![row(Some(off)), row(Some(right))]), Fate::False(_)), "it cannot be taken back");
+        assert!(matches!(fate(vec![row(None), row(Some(right))]), Fate::Right(_)));
+        assert!(matches!(fate(vec![]), Fate::Nothing));
+        assert!(
+            matches!(fate(vec![row(Some(right.conjugate()))]), Fate::False(_)),
+            "the conjugate is another attitude"
+        );
+    }
+}
+
+#[cfg(test)]
+mod attitude_error_tests {
+    use super::*;
+
+    #[test]
+    fn a_frame_turned_by_a_has_the_error_a() {
+        let truth = DQuat::from_xyzw(0.1, -0.4, 0.3, 0.86).normalize();
+        for turn in [DVec3::X * 1e-4, DVec3::new(-2e-5, 3e-6, 1e-3), DVec3::Z * 2.5, DVec3::Y * 1e-12] {
+            let error = attitude_error(turned(truth, turn), truth);
+            assert!((error - turn).length() < 1e-15 + 1e-14 * turn.length(), "{error} {turn}");
+            assert_eq!(attitude_error(-turned(truth, turn), truth), error, "q and -q are one attitude");
+        }
+    }
+
+    #[test]
+    fn it_is_the_sense_of_the_programs_quaternion() {
+        // Written from the convention: a frame turned by +a about x sees the fixed direction y at cos a in y and -sin a
+        // in z.
+        let a = 0.02_f64;
+        let measured = turned(DQuat::IDENTITY, DVec3::X * a);
+        let seen = measured * DVec3::Y;
+        assert!((seen - DVec3::new(0.0, a.cos(), -a.sin())).length() < 1e-15, "{seen}");
+        assert!((measured.x + (0.5 * a).sin()).abs() < 1e-16, "x is -sin(a/2)");
+    }
+}

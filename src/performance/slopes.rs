@@ -1,8 +1,10 @@
+//! Errors in proportion to rate, displacement, time and temperature.
+//!
 //! Errors in proportion to something: to the rate (measurement date error), to the displacement by aberration, to time
 //! (drift).
 
-use crate::bias::stretches_of;
-use crate::metric::{AXES, Kind, Metric, Reading};
+use crate::bias::{across, group_means, stretches_of};
+use crate::metric::{AXES, AXES_AND_DIRECTIONAL, Kind, Metric, Reading};
 use crate::record::{Judged, JudgedCase, Use};
 use crate::statistics::{Estimate, line, mean};
 use base::{time::Tai, units::ARCSEC};
@@ -156,6 +158,185 @@ pub(crate) fn difference(a: Estimate, b: Estimate) -> Estimate {
     Estimate { value, low: value - half, high: value + half, count: a.count + b.count }
 }
 
+// Thermo-elastic error: the drift of the bias with the temperatures of an orbit, as the mean drift error (MDE) over the
+// observation: mean over its last fifth less mean over its first.
+//
+// Each attitude gives one mean: the spatial errors of attitudes all over the sky are averaged as the noise is, and are
+// in the interval.
+
+pub(crate) const THERMO_ELASTIC: Kind = Kind {
+    id: "thermo_elastic_error",
+    unit: "arcsec",
+    reading: Reading::Mixed,
+    how: "MDE of a drifting mounting: mean over the last fifth of the attitudes less mean over the first; Student's t over attitudes",
+    parts: AXES_AND_DIRECTIONAL,
+    uses: &[Use::ThermoElastic],
+    ..Kind::USUAL
+};
+
+/// Intervals into which the observation is cut; the first and the last are compared.
+const INTERVALS: usize = 5;
+/// Fewest attitudes of an interval.
+const FEWEST: usize = 5;
+
+/// Returns the error per axis and across the boresight, of the case that is flown for it.
+pub fn thermo_elastic(cases: &[JudgedCase], confidence: f64) -> Vec<Metric> {
+    let Some(case) = cases.iter().find(|case| case.purpose == Use::ThermoElastic) else { return Vec::new() };
+    let means = group_means(case);
+    let each = means.len() / INTERVALS;
+    if each < FEWEST {
+        return Vec::new();
+    }
+    let of = |part: &[DVec3], axis: usize| mean(&part.iter().map(|m| m[axis]).collect::<Vec<_>>(), confidence);
+    let change = |axis: usize| -> Option<Estimate> {
+        let [first, last] = [of(&means[..each], axis)?, of(&means[means.len() - each..], axis)?];
+        Some(difference(last, first))
+    };
+    let [Some(x), Some(y), Some(z)] = [change(0), change(1), change(2)] else { return Vec::new() };
+    let metric = |name: &str, estimate: Estimate| THERMO_ELASTIC.of(name, None, estimate.scaled(1.0 / ARCSEC));
+    let mut found: Vec<Metric> = AXES.iter().zip([x, y, z]).map(|(name, axis)| metric(name, axis)).collect();
+    found.push(metric("directional", across(x, y)));
+    found
+}
+
 #[cfg(test)]
-#[path = "slopes_tests.rs"]
-mod tests;
+mod slopes_tests {
+    use super::*;
+    use crate::synthetic::{Dice, Frame, judged};
+    use base::units::DEG;
+    use glam::DQuat;
+
+    fn find<'a>(metrics: &'a [Metric], id: &str) -> &'a Metric {
+        metrics.iter().find(|metric| metric.id == id).unwrap_or_else(|| panic!("{id} in {metrics:?}"))
+    }
+
+    fn holds(metrics: &[Metric], id: &str, truth: f64) -> bool {
+        let metric = find(metrics, id);
+        (metric.low..=metric.high.unwrap()).contains(&truth)
+    }
+
+    /// Slews at several rates; the attitude is that of `late_s` before the stated time; `tag_s` of that is in the tag.
+    fn slews(late_s: f64, tag_s: f64) -> JudgedCase {
+        let mut dice = Dice::new(9);
+        let mut frames = Vec::new();
+        for (group, rate_deg_s) in [-1.0, -0.3, 0.0, 0.5, 1.0].into_iter().enumerate() {
+            let rate_rad_s = DVec3::new(0.3, 1.0, 0.2) * rate_deg_s * DEG;
+            for i in 0..60 {
+                let lag = rate_rad_s * (late_s - tag_s) / ARCSEC;
+                let error = DVec3::new(3.0, -8.0, 0.0) - lag + 2.0 * dice.normals();
+                let t_s = group as f64 * 100.0 + 0.1 * f64::from(i);
+                frames.push(Frame { t_s, group: group as u32, rate_rad_s, error_arcsec: Some(error), tag_s });
+            }
+        }
+        judged(Use::Slew, &frames)
+    }
+
+    #[test]
+    fn a_date_error_comes_back_from_tags_and_from_attitudes_alike() {
+        for (late_s, tag_s) in [(0.004, 0.0), (0.004, 0.004), (-0.003, 0.0)] {
+            let found = date_error(&[slews(late_s, tag_s)], 0.99);
+            assert!(holds(&found, "measurement_date_error", 1e3 * late_s), "{late_s} {tag_s}: {found:?}");
+            assert!(!holds(&found, "measurement_date_error", -1e3 * late_s), "the sign counts");
+            assert!((find(&found, "time_tag_error").value - 1e3 * tag_s).abs() < 1e-3);
+        }
+    }
+
+    #[test]
+    fn without_motion_nothing_is_said_of_dates() {
+        let frames: Vec<Frame> = (0..50).map(|i| Frame::still(f64::from(i), 0, DVec3::ONE)).collect();
+        let found = date_error(&[judged(Use::Run, &frames)], 0.95);
+        assert!(found.iter().all(|metric| metric.id != "measurement_date_error"), "{found:?}");
+    }
+
+    #[test]
+    fn a_tracker_that_knows_no_aberration_is_found() {
+        let mut dice = Dice::new(4);
+        let noise: Vec<DVec3> = (0..200).map(|_| 3.0 * dice.normals()).collect();
+        let plain: Vec<Frame> =
+            noise.iter().enumerate().map(|(i, noise)| Frame::still(10.0 * i as f64, i as u32, *noise)).collect();
+        let mut case = judged(Use::LostInSpace, &plain);
+        assert!(holds(&aberration_residual(std::slice::from_ref(&case), 0.99), "aberration_residual", 0.0));
+        // Written afresh: the frame that sees apparent directions s + beta across s where the catalog's are.
+        for frame in &mut case.frames {
+            let beta = earth_beta(Tai::from_ns(frame.truth.mid_ns));
+            let attitude = frame.truth.attitude;
+            let boresight = attitude.conjugate() * DVec3::Z;
+            let apparent = (boresight + beta).normalize();
+            let turn = DQuat::from_rotation_arc(attitude * boresight, attitude * apparent);
+            let measured = turn * attitude;
+            let error = crate::record::attitude_error(measured, attitude);
+            let noise = frame.error_rad().unwrap();
+            frame.fate = crate::record::Fate::Right(error + noise);
+        }
+        let found = aberration_residual(&[case], 0.99);
+        assert!(holds(&found, "aberration_residual", 20.5), "{found:?}");
+        assert!(!holds(&found, "aberration_residual", 0.0) && !holds(&found, "aberration_residual", -20.5));
+    }
+
+    #[test]
+    fn drift_comes_back_with_its_mean_error() {
+        let mut dice = Dice::new(8);
+        let frame = |i: u32| {
+            let t_s = f64::from(i);
+            Frame::still(t_s, 0, DVec3::new(12.0, 0.0, -60.0) * t_s / 3600.0 + 1.5 * dice.normals())
+        };
+        let frames: Vec<Frame> = (0..3600).map(frame).collect();
+        let found = drift(&[judged(Use::Drift, &frames)], 0.99);
+        assert!(
+            holds(&found, "drift.x", 12.0) && holds(&found, "drift.y", 0.0) && holds(&found, "drift.rotational", -60.0),
+            "{found:?}"
+        );
+        assert!(!holds(&found, "drift.x", -12.0) && !holds(&found, "drift.y", 12.0));
+        // From the middle of the first quarter to that of the last: three quarters of the time.
+        assert!((find(&found, "mean_drift_error.x").value - 9.0).abs() < 0.5);
+    }
+}
+
+#[cfg(test)]
+mod thermo_elastic_tests {
+    use super::*;
+    use crate::poses::MountingDrift;
+    use crate::synthetic::{Dice, Frame, judged};
+
+    /// 100 attitudes of 4 frames over half an orbit, with spatial errors and noise.
+    fn flown(arcsec: [f64; 3], seed: u64) -> Vec<Metric> {
+        let mut dice = Dice::new(seed);
+        let drift = MountingDrift { arcsec, period_s: 800.0 };
+        let mut frames = Vec::new();
+        for group in 0..100 {
+            let spatial = DVec3::new(1.0, 1.0, 6.0) * dice.normals();
+            for i in 0..4 {
+                let t_s = f64::from(4 * group + i);
+                let error = drift.turn_rad(t_s) / ARCSEC + spatial + DVec3::new(1.0, 1.0, 8.0) * dice.normals();
+                frames.push(Frame::still(t_s, group, error));
+            }
+        }
+        thermo_elastic(&[judged(Use::ThermoElastic, &frames)], 0.99)
+    }
+
+    fn holds(metrics: &[Metric], part: &str, truth: f64) -> bool {
+        let metric = metrics.iter().find(|m| m.id == format!("thermo_elastic_error.{part}")).unwrap();
+        (metric.low..=metric.high.unwrap()).contains(&truth)
+    }
+
+    #[test]
+    fn an_injected_drift_comes_back_and_none_is_none() {
+        // By hand: the mean of sin^2 from 0 to pi / 10, and the same short of 1 at the end.
+        use core::f64::consts::PI;
+        let begin = 0.5 - 2.5 / PI * (PI / 5.0).sin();
+        let change = 1.0 - 2.0 * begin;
+        let found = flown([20.0, -10.0, 60.0], 7);
+        for (part, largest) in [("x", 20.0), ("y", -10.0), ("rotational", 60.0), ("directional", 500_f64.sqrt())] {
+            assert!(holds(&found, part, change * largest), "{part} {change}: {found:?}");
+        }
+        assert!(!holds(&found, "x", -change * 20.0) && !holds(&found, "x", -change * 10.0), "sign and axis count");
+        let none = flown([0.0; 3], 8);
+        assert!(holds(&none, "x", 0.0) && holds(&none, "rotational", 0.0) && !holds(&none, "x", change * 20.0));
+    }
+
+    #[test]
+    fn few_attitudes_say_nothing() {
+        let frames: Vec<Frame> = (0..20).map(|i| Frame::still(f64::from(i), i, DVec3::ONE)).collect();
+        assert!(thermo_elastic(&[judged(Use::ThermoElastic, &frames)], 0.95).is_empty());
+    }
+}

@@ -2,7 +2,7 @@
 //! statistical one, which sees the truth; and the log that they write.
 
 use crate::plan::{Plan, Source};
-use crate::{bright_bodies::BrightBodies, poses::Pose};
+use crate::{attitudes::BrightBodies, poses::Pose};
 use anyhow::Result;
 use base::axes::Rotation;
 use base::time::{Span, Tai};

@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use run::wiring::assemble::{Outputs, Run, RunOptions};
 use run::wiring::{control::local::LocalSession, run_end::LoopView};
 use serde_json::{Value, json};
-use starloop::cli::scenario_report::ScenarioReport;
+use starloop::cli::run::report::ScenarioReport;
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 

@@ -1,11 +1,11 @@
 //! Tests latency and jitter injected into the loop over pixels: margins, rejection and errors agree with linear theory.
 
 use base::units::DEG;
-use batch::study::frequency::{CROSSOVER_SHARE, PHASE_MARGIN_DEG, REJECTION_SHARE};
 use batch::study::point::{
     ACTUATION_DELAY, CROSSOVER, JITTER, PHASE_MARGIN, POINTING_ERROR, REJECTION, TAG, TAG_ERROR,
 };
 use batch::study::theory::LoopOnPaper;
+use batch::study::trial::{CROSSOVER_SHARE, PHASE_MARGIN_DEG, REJECTION_SHARE};
 use batch::study::{Agreement, Effort, Studied, Study};
 use config::{Document, Scenario};
 
@@ -32,7 +32,7 @@ fn the_loop_over_pixels_is_as_theory_predicts_and_not_as_a_wrong_theory() {
     assert_eq!(studied.files[0].text.lines().count(), studied.points.len() + 1, "a row for every point");
 
     // Negative controls: the same measurements against the theory of another loop.
-    let paper = *study.paper();
+    let paper = study.paper;
     let margins = measured(&studied, PHASE_MARGIN, ACTUATION_DELAY);
     assert!(margins.len() > 2);
     for [delay_ms, margin_deg] in margins {

@@ -48,7 +48,7 @@ const ROWS: [(&str, &str, &str); 7] = [
     ("effects.csv", "src/batch/chart/effects.rs", "EffectRow"),
     ("poisson.csv", "src/batch/chart/poisson.rs", "PoissonRow"),
     ("prediction.csv", "src/batch/chart/prediction.rs", "PredictionRow"),
-    ("footprint.csv", "src/batch/chart/footprint.rs", "FootprintRow"),
+    ("footprint.csv", "src/batch/chart/sampling.rs", "FootprintRow"),
 ];
 
 /// Returns the fields of a structure, separated by commas.

@@ -10,7 +10,6 @@ use crate::source::{SourceFile, Token, files, is_word_character, tokens};
 
 /// Circles whose cut would be worse: a folder, its files, and why.
 const ALLOWED: &[(&str, &[&str], &str)] = &[
-    ("src/cli", &["catalog_hats", "with_hats", "without_hats"], "a feature has two forms, which take what they serve"),
     ("src/config", &["bench", "tracker_out"], "outputs of a bench are checked with all of the bench"),
     (
         "src/config",

@@ -15,7 +15,7 @@ const READERS: [&[&str]; 6] = [
 const WITH_REASON: [(&str, &str); 25] = [
     ("base/input_file.rs", "is that reader"),
     ("base/memory.rs", KERNEL),
-    ("cli/doctor_host.rs", KERNEL),
+    ("cli/doctor/host.rs", KERNEL),
     ("cli/provenance.rs", KERNEL),
     ("cli/signals.rs", KERNEL),
     ("frames/report/machine.rs", KERNEL),
@@ -23,7 +23,7 @@ const WITH_REASON: [(&str, &str); 25] = [
     ("link/pps.rs", KERNEL),
     ("link/socketcan/opening.rs", KERNEL),
     ("outputs/network_camera/interface.rs", KERNEL),
-    ("cli/catalog_file.rs", PARTS),
+    ("cli/catalog/hats.rs", PARTS),
     ("histories/parquet_table.rs", PARTS),
     ("histories/read.rs", PARTS),
     ("imports/hats/file.rs", PARTS),

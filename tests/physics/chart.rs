@@ -1,9 +1,9 @@
 //! `starloop chart` in its quick form: tables that parse, bounds that hold, fronts that nothing beats, charts that show
 //! what the tables say.
 
-use batch::chart::{Backends, Charted, MethodRow, Settings, Step, effect_cases, run, speed_accuracy};
+use batch::chart::{Backends, Charted, MethodRow, Settings, Step, effects, run, sweep};
 use batch::chart::{
-    effects::EffectRow, footprint::FootprintRow, poisson::PoissonRow, prediction::PredictionRow, rows::broken,
+    effects::EffectRow, poisson::PoissonRow, prediction::PredictionRow, rows::broken, sampling::FootprintRow,
     scenes::scenes,
 };
 use frames::report::plot::{Chart, Style};
@@ -113,7 +113,7 @@ fn is_beaten(point: &[f64; 2], by: &[[f64; 2]]) -> bool {
 #[test]
 fn nothing_beats_a_front_and_fronts_beat_the_rest() {
     for scene in scenes(true).iter().filter(|scene| scene.is_charted) {
-        let chart = speed_accuracy::chart(&charted().methods, scene, "cpu");
+        let chart = sweep::speed_accuracy_chart(&charted().methods, scene, "cpu");
         let (front, all) = (points(&chart, Style::Front), points(&chart, Style::Points));
         assert!(front.len() >= 2 && all.len() > front.len(), "{}: {front:?}", scene.name);
         assert!(front.iter().all(|point| all.contains(point) && !is_beaten(point, &all)), "{}: {front:?}", scene.name);
@@ -169,8 +169,7 @@ fn every_effect_has_its_cost_on_every_backend() {
     for backend in backends {
         let named: Vec<&str> =
             rows.iter().filter(|row| row.backend == backend).map(|row| row.effect.as_str()).collect();
-        let wanted =
-            effect_cases::DRAWING.iter().map(|case| case.0).chain(effect_cases::DETECTOR.iter().map(|case| case.0));
+        let wanted = effects::DRAWING.iter().map(|case| case.0).chain(effects::DETECTOR.iter().map(|case| case.0));
         assert_eq!(named, wanted.collect::<Vec<_>>(), "{backend}");
     }
     for row in &rows {
@@ -180,7 +179,7 @@ fn every_effect_has_its_cost_on_every_backend() {
 
 #[test]
 fn every_effect_is_something_that_is_switched_on() {
-    use effect_cases::{DETECTOR, DRAWING, DrawingSwitch, Switch};
+    use effects::{DETECTOR, DRAWING, DrawingSwitch, Switch};
     let scene = scenes(true)[0];
     let before = batch::chart::stage::Stage::new(&scene, 1).unwrap().instrument;
     for (name, switch) in DRAWING {

@@ -3,8 +3,8 @@
 
 use crate::photon_transfer::built_in;
 use base::{accuracy::AccuracyBudget, axes::Rotation, time::Tai};
+use batch::verify::StarField;
 use batch::verify::fidelity::{Fidelity, LEAST_CENTROID_SNR, Truth, measure};
-use batch::verify::star_field::StarField;
 use image::detector::{Detector, DetectorConditions, DetectorParams, LinePattern, RowNoise};
 use plan::attitude::LosPath;
 use plan::exposure::{Instrument, MethodChoice, Planner, PsfSampling, Shutter};

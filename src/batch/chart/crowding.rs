@@ -4,10 +4,9 @@
 //! `crowding.csv`, a chart and a verdict: between two numbers of stars the time grows as their ratio to some power,
 //! which must be at most 1 (a frame has a part that all stars share). A frame's own part is measured without stars.
 
-use super::error;
-use crate::chart::Settings;
 use crate::chart::scenes::{Movement, Psf, Scene, Stars};
-use crate::chart::{drawer::Drawer, stage::Stage, timing::Effort};
+use crate::chart::stage::{Drawer, Effort, Stage};
+use crate::chart::{Settings, stage};
 use base::refused::Refused;
 use core::fmt::Write;
 use frames::report::plot::{Axis, Chart, Series, Style};
@@ -72,7 +71,7 @@ pub fn measure(settings: &Settings, drawers: &mut [Drawer], effort: Effort) -> R
             (false, false) => usize::MAX,
         };
         for stars in STARS.into_iter().filter(|stars| *stars <= most) {
-            let stage = Stage::new(&scene(stars, settings.quick), settings.seed).map_err(error::camera)?;
+            let stage = Stage::new(&scene(stars, settings.quick), settings.seed).map_err(stage::camera_refused)?;
             let mut planner = stage.planner(drawer.cost(), MethodChoice::Auto);
             let plan_ms = effort.time(|| -> Result<(), Refused> {
                 planner.plan(&stage.sources);

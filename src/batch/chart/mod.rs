@@ -16,30 +16,20 @@
 use base::refused::Refused;
 
 pub mod crowding;
-pub mod drawer;
-pub mod effect_cases;
 pub mod effects;
-mod error;
-pub mod error_by_nodes;
-pub mod footprint;
-pub mod measure;
 pub mod poisson;
 pub mod prediction;
 pub mod rows;
 pub mod sampling;
 pub mod scenes;
-pub mod speed_accuracy;
 pub mod stage;
 pub mod sweep;
-mod table;
-pub mod timing;
 
 pub use rows::MethodRow;
 
-use drawer::Drawer;
 use frames::report::{Chart, to_svg};
 use rows::csv_text;
-use timing::Effort;
+use stage::{Drawer, Effort};
 
 /// Scope of the measurements.
 #[derive(Debug, Clone)]
@@ -133,8 +123,8 @@ pub fn run(settings: &Settings, announce: &mut dyn FnMut(&Step)) -> Result<Chart
     }
     let names: Vec<&str> = drawers.iter().map(Drawer::name).collect();
     let mut files = vec![csv("methods", &methods)?, csv("sampling", &samplings)?];
-    files.extend(speed_accuracy::charts(&methods, &scenes, &names).iter().map(svg));
-    files.extend(error_by_nodes::charts(&methods, &scenes, &names).iter().map(svg));
+    files.extend(sweep::speed_accuracy_charts(&methods, &scenes, &names).iter().map(svg));
+    files.extend(sweep::error_by_nodes_charts(&methods, &scenes, &names).iter().map(svg));
     files.push(svg(&("sampling".into(), sampling::chart(&samplings))));
     steps.begin("Poisson methods");
     let poisson = poisson::measure(settings.quick, effort)?;
@@ -144,8 +134,8 @@ pub fn run(settings: &Settings, announce: &mut dyn FnMut(&Step)) -> Result<Chart
     files.push(csv("prediction", &prediction)?);
     files.extend(prediction::charts(&prediction).iter().map(svg));
     steps.begin("footprints");
-    let footprint = footprint::measure();
-    files.extend([csv("footprint", &footprint)?, svg(&("footprint".into(), footprint::chart(&footprint)))]);
+    let footprint = sampling::measure_footprints();
+    files.extend([csv("footprint", &footprint)?, svg(&("footprint".into(), sampling::footprint_chart(&footprint)))]);
     steps.begin("effects");
     let effects = effects::measure(settings.quick, &mut drawers)?;
     files.push(csv("effects", &effects)?);
@@ -153,7 +143,7 @@ pub fn run(settings: &Settings, announce: &mut dyn FnMut(&Step)) -> Result<Chart
     let crowding = crowding::measure(settings, &mut drawers, effort)?;
     files.extend([csv("crowding", &crowding)?, svg(&("crowding".into(), crowding::chart(&crowding)))]);
     let notes: Vec<String> = drawers.iter().map(Drawer::description).chain(missing).collect();
-    let summary = table::summary(&methods, &samplings, &scenes, &notes)
+    let summary = rows::summary(&methods, &samplings, &scenes, &notes)
         + &effects::summary(&effects)
         + &crowding::summary(&crowding);
     Ok(Charted { files, methods, sampling: samplings, summary })

@@ -1,6 +1,6 @@
 //! Distance from Poisson's law, its bound and the time per pixel of every Poisson method, over its domain.
 
-use crate::chart::timing::Effort;
+use crate::chart::stage::Effort;
 use base::image::{DnImage, Image};
 use base::refused::Refused;
 use core::convert::Infallible;

@@ -1,9 +1,17 @@
+//! All that a measurement needs: the scene as an instrument, the backends, the clock.
+//!
 //! Scene -> instrument, motion and stars, ready to be planned.
 
+use crate::chart::Backends;
 use crate::chart::scenes::{Movement, Psf, Scene, Stars};
-use base::{accuracy::AccuracyBudget, axes::Rotation, random::philox, time::Tai};
+use base::{
+    accuracy::AccuracyBudget, axes::Rotation, clock::Stopwatch, image::Image, least_squares::median, random::philox,
+    refused::Refused, time::Tai,
+};
 use core::f64::consts::TAU;
 use glam::DVec3;
+use image::gpu::{AdapterChoice, Electrons, GpuDevice};
+use image::render::{Backend, cpu::Cpu, gpu::Gpu, reference::Reference};
 use plan::attitude::{JitterLine, LosPath};
 use plan::exposure::cost::CostModel;
 use plan::exposure::{
@@ -11,6 +19,7 @@ use plan::exposure::{
 };
 use plan::optics::{Illumination, PsfModel};
 use sky::astrometry::{AstrometryError, BrownConrady, CameraGeometry, CameraParameters};
+use std::sync::Arc;
 
 /// Exposure of every scene, s.
 pub const EXPOSURE_S: f64 = 0.1;
@@ -193,4 +202,234 @@ fn apart(count: usize, size_px: usize, seed: u32) -> Vec<Source> {
 fn field(count: usize, size_px: usize, seed: u32) -> Vec<Source> {
     let place = |i: u32| [unit(seed, 3, i), unit(seed, 4, i)].map(|v| v * size_px as f64 - 0.5);
     (0..).take(count).map(|i| star(i, 200.0 + 5000.0 * unit(seed, 5, i).powi(4), place(i))).collect()
+}
+
+// The refusal of a scene.
+
+/// A scene's camera was refused.
+pub(super) fn camera_refused(why: AstrometryError) -> Refused {
+    Refused(format!("a scene's camera: {why}"))
+}
+
+// The backends under test, and the reference: draw a plan and wait for the image in f64.
+
+/// A square image in f64.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Picture {
+    /// Columns.
+    pub width: usize,
+    /// Row by row.
+    pub pixels: Vec<f64>,
+}
+
+/// A backend that is rebuilt for the size of the scene.
+#[derive(Debug)]
+pub enum Drawer {
+    /// The CPU.
+    Cpu {
+        /// Side of the latest scene, px.
+        size_px: usize,
+        /// The backend.
+        backend: Box<Cpu>,
+    },
+    /// A GPU.
+    Gpu {
+        /// The device.
+        device: Arc<GpuDevice>,
+        /// Side of the latest scene, px.
+        size_px: usize,
+        /// The backend.
+        backend: Option<Box<Gpu>>,
+    },
+}
+
+impl Drawer {
+    /// Returns the requested backends, and a line about one that is missing.
+    ///
+    /// # Errors
+    /// When a GPU was requested by name and is not available.
+    pub fn open(backends: Backends) -> Result<(Vec<Self>, Option<String>), Refused> {
+        let mut drawers = Vec::new();
+        if backends != Backends::Gpu {
+            drawers.push(Self::Cpu { size_px: 0, backend: Box::new(Cpu::new(0, 0)) });
+        }
+        if backends == Backends::Cpu {
+            return Ok((drawers, None));
+        }
+        match GpuDevice::open(&AdapterChoice::Best) {
+            Ok(device) => drawers.push(Self::Gpu { device, size_px: 0, backend: None }),
+            Err(error) if backends == Backends::Gpu => return Err(Refused(format!("--backend gpu: {error}"))),
+            Err(error) => return Ok((drawers, Some(format!("no GPU: {error}")))),
+        }
+        Ok((drawers, None))
+    }
+
+    /// Returns the name used in commands.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Cpu { .. } => "cpu",
+            Self::Gpu { .. } => "gpu",
+        }
+    }
+
+    /// Returns true for a GPU that is emulated in software.
+    pub fn is_software_gpu(&self) -> bool {
+        matches!(self, Self::Gpu { device, .. } if device.is_software())
+    }
+
+    /// Returns a description of its device.
+    pub fn description(&self) -> String {
+        match self {
+            Self::Cpu { backend, .. } => format!("cpu: {}", backend.description()),
+            Self::Gpu { device, .. } => format!("gpu: {}", device.description()),
+        }
+    }
+
+    /// Returns the cost constants.
+    pub fn cost(&self) -> CostModel {
+        match self {
+            Self::Cpu { .. } => CostModel::CPU,
+            Self::Gpu { device, .. } if device.is_software() => CostModel::SOFTWARE_GPU,
+            Self::Gpu { .. } => CostModel::GPU,
+        }
+    }
+
+    /// Draws, and waits until the image is complete; it stays on its device.
+    ///
+    /// # Errors
+    /// When the backend refuses the plan or fails.
+    pub fn draw(&mut self, plan: &ExposurePlan) -> Result<(), Refused> {
+        let wanted_px = plan.camera.width_px();
+        match self {
+            Self::Cpu { size_px, backend } => {
+                if *size_px != wanted_px {
+                    (*size_px, **backend) = (wanted_px, Cpu::new(wanted_px, plan.camera.height_px()));
+                }
+                backend.render(plan)
+            }
+            Self::Gpu { device, size_px, backend } => {
+                if *size_px != wanted_px {
+                    *backend = None;
+                    *size_px = wanted_px;
+                }
+                let gpu = match backend {
+                    Some(gpu) => gpu,
+                    none => none.insert(Box::new(Gpu::new(Arc::clone(device), wanted_px, plan.camera.height_px())?)),
+                };
+                gpu.render(plan)?;
+                Ok(device.wait()?)
+            }
+        }
+    }
+
+    /// Draws, and returns the image in main memory.
+    ///
+    /// # Errors
+    /// When the backend refuses the plan or fails.
+    pub fn picture(&mut self, plan: &ExposurePlan) -> Result<Picture, Refused> {
+        self.draw(plan)?;
+        match self {
+            Self::Cpu { backend, .. } => Ok(in_memory(&backend.electrons())),
+            Self::Gpu { backend, .. } => {
+                let mut image = Image::new(plan.camera.width_px(), plan.camera.height_px());
+                if let Some(gpu) = backend {
+                    gpu.read_electrons(&mut image)?;
+                }
+                Ok(in_memory(&Electrons::Host(&image)))
+            }
+        }
+    }
+}
+
+/// Returns the reference's image of `plan`'s motion and stars.
+///
+/// # Errors
+/// When the reference refuses the plan.
+pub fn truth(plan: &ExposurePlan) -> Result<Picture, Refused> {
+    let mut reference = Reference::new(plan.camera.width_px(), plan.camera.height_px());
+    reference.render(plan)?;
+    Ok(in_memory(&reference.electrons()))
+}
+
+fn in_memory(electrons: &Electrons<'_>) -> Picture {
+    match electrons {
+        Electrons::Host(image) => {
+            Picture { width: image.width(), pixels: image.pixels().iter().map(|e| f64::from(*e)).collect() }
+        }
+        Electrons::Precise(image) => Picture { width: image.width(), pixels: image.pixels().to_vec() },
+        Electrons::Device(_) => Picture { width: 0, pixels: Vec::new() },
+    }
+}
+
+// Medians of frame times, after two warm-up frames, within a time limit.
+
+/// Time of one frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FrameTime {
+    /// Median, ms.
+    pub median_ms: f64,
+    /// The fastest, without other load, ms.
+    pub least_ms: f64,
+}
+
+/// Effort for one value.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Effort {
+    /// Time after which no further repetition starts, ms.
+    pub most_ms: f64,
+    /// Largest number of repetitions.
+    pub most: usize,
+}
+
+impl Effort {
+    /// Returns the effort of a quick run, or a full one.
+    pub fn new(quick: bool) -> Self {
+        if quick { Self { most_ms: 12.0, most: 40 } } else { Self { most_ms: 60.0, most: 200 } }
+    }
+
+    /// Returns an effort multiplied by `factor`.
+    #[must_use]
+    pub fn times(self, factor: usize) -> Self {
+        Self { most_ms: self.most_ms * factor as f64, most: self.most * factor }
+    }
+
+    /// Measures the time of `frame`.
+    ///
+    /// # Errors
+    /// Those of `frame`.
+    pub fn time<E>(self, mut frame: impl FnMut() -> Result<(), E>) -> Result<FrameTime, E> {
+        frame()?;
+        frame()?;
+        let mut taken_ms = Vec::with_capacity(self.most);
+        let (mut watch, mut spent_ms) = (Stopwatch::start(), 0.0);
+        while taken_ms.len() < self.most && spent_ms <= self.most_ms {
+            frame()?;
+            let ms = watch.lap().ms();
+            spent_ms += ms;
+            taken_ms.push(ms);
+        }
+        let least_ms = taken_ms.iter().copied().fold(f64::INFINITY, f64::min);
+        Ok(FrameTime { median_ms: median(&mut taken_ms), least_ms })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_frames_warm_up_and_the_number_or_the_limit_ends_it() {
+        let mut frames = 0;
+        let mut frame = || -> Result<(), ()> {
+            frames += 1;
+            std::thread::sleep(core::time::Duration::from_millis(2));
+            Ok(())
+        };
+        let time = Effort { most_ms: 1e9, most: 5 }.time(&mut frame).unwrap();
+        assert!(time.least_ms >= 2.0 && time.median_ms >= time.least_ms, "{time:?}");
+        let time = Effort { most_ms: 1.0, most: 50 }.time(&mut frame).unwrap();
+        assert_eq!(time.least_ms, time.median_ms, "one frame is beyond the limit");
+        assert_eq!(frames, (2 + 5) + (2 + 1));
+        assert_eq!(Effort { most_ms: 1.0, most: 1 }.time(|| Err("lost")), Err("lost"));
+    }
 }

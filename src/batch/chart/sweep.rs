@@ -1,14 +1,14 @@
+//! Every method on every scene: rows, and the charts of error against time and against nodes.
+//!
 //! One scene, every method, every backend -> rows.
 
-use super::error;
-use crate::chart::Settings;
-use crate::chart::drawer::{Drawer, Picture, truth};
-use crate::chart::measure::{Errors, brightest_e};
-use crate::chart::rows::{MethodRow, NOT_DRAWN};
+use crate::chart::rows::{Errors, MethodRow, NOT_DRAWN, brightest_e};
 use crate::chart::scenes::{Movement, Scene};
-use crate::chart::stage::{READ_NOISE_E, Stage};
-use crate::chart::timing::Effort;
-use base::refused::Refused;
+use crate::chart::stage::{Drawer, Effort, Picture, READ_NOISE_E, Stage, truth};
+use crate::chart::{Settings, stage};
+use base::{accuracy::AccuracyBudget, refused::Refused};
+use frames::report::pareto_front;
+use frames::report::plot::{Axis, Chart, Series, Style};
 use plan::exposure::method::MethodName;
 use plan::exposure::{ExposurePlan, MethodChoice, Planner};
 
@@ -68,7 +68,7 @@ pub fn measure_scene(
     mut begin: impl FnMut(String),
     rows: &mut Vec<MethodRow>,
 ) -> Result<(), Refused> {
-    let stage = Stage::new(scene, settings.seed).map_err(error::camera)?;
+    let stage = Stage::new(scene, settings.seed).map_err(stage::camera_refused)?;
     let effort = if scene.is_for_speed() { effort.times(SPEED_EFFORT) } else { effort };
     let mut known = None;
     for drawer in drawers {
@@ -181,4 +181,122 @@ pub fn blank_row(scene: &str, backend: &str, choice: MethodChoice) -> MethodRow 
         read_noise_e: READ_NOISE_E,
         note: String::new(),
     }
+}
+
+// Centroid error against the number of nodes, with the bound beside it, for the methods that count nodes.
+
+/// Methods with a variable number of nodes.
+const SHOWN: [MethodName; 3] = [MethodName::Samples, MethodName::Segments, MethodName::GaussLegendre];
+
+/// Returns charts of the charted scenes, with their file names, by the first backend.
+pub fn error_by_nodes_charts(rows: &[MethodRow], scenes: &[Scene], backends: &[&str]) -> Vec<(String, Chart)> {
+    let Some(backend) = backends.first() else { return Vec::new() };
+    let charted = scenes.iter().filter(|scene| scene.is_charted);
+    charted
+        .map(|scene| (format!("error_by_nodes_{}", scene.name), error_by_nodes_chart(rows, scene, backend)))
+        .collect()
+}
+
+/// Returns the chart of one scene.
+pub fn error_by_nodes_chart(rows: &[MethodRow], scene: &Scene, backend: &str) -> Chart {
+    let mut series = Vec::new();
+    for (group, name) in SHOWN.into_iter().enumerate() {
+        let is_shown = |row: &&MethodRow| {
+            row.scene == scene.name && row.backend == backend && row.method == name.name() && row.is_drawn()
+        };
+        let members: Vec<&MethodRow> = rows.iter().filter(is_shown).collect();
+        let points = |value: fn(&MethodRow) -> f64| {
+            members.iter().map(|row| [row.nodes as f64, value(row)]).collect::<Vec<[f64; 2]>>()
+        };
+        if members.is_empty() {
+            continue;
+        }
+        series.push(Series::new(name.name(), Style::Points, group, points(|row| row.centroid_px)));
+        series.push(Series::new("", Style::Line, group, points(|row| row.centroid_px)));
+        series.push(Series::new(
+            format!("{}, bound", name.name()),
+            Style::DashedLine,
+            group,
+            points(|row| row.bound_centroid_px),
+        ));
+    }
+    Chart {
+        title: format!("{}: error by number of nodes, {backend} backend", scene.title),
+        x: Axis::log("nodes per star"),
+        y: Axis::log("5 x 5 centroid error, px"),
+        series,
+        ring: String::new(),
+        notes: vec![
+            "Worst star against the f64 reference; dashed: the bound known before drawing. Segments carry two nodes each."
+                .into(),
+        ],
+    }
+}
+
+// Centroid error against time: all methods on one scene by one backend, the Pareto front, the planner's choice.
+
+/// Returns charts of the charted scenes with their file names; those of the first backend have the scene's name alone.
+pub fn speed_accuracy_charts(rows: &[MethodRow], scenes: &[Scene], backends: &[&str]) -> Vec<(String, Chart)> {
+    let charted = || scenes.iter().filter(|scene| scene.is_charted);
+    let named = |(i, backend): (usize, &&str), scene: &Scene| {
+        let suffix = if i == 0 { String::new() } else { format!("_{backend}") };
+        (format!("speed_accuracy_{}{suffix}", scene.name), speed_accuracy_chart(rows, scene, backend))
+    };
+    backends.iter().enumerate().flat_map(|at| charted().map(move |scene| named(at, scene))).collect()
+}
+
+/// Returns the rows of one scene by one backend that were drawn.
+fn rows_of<'a>(rows: &'a [MethodRow], scene: &Scene, backend: &str) -> Vec<&'a MethodRow> {
+    rows.iter().filter(|row| row.scene == scene.name && row.backend == backend && row.is_drawn()).collect()
+}
+
+/// Returns the time and error of a row.
+fn point(row: &MethodRow) -> [f64; 2] {
+    [row.draw_ms, row.centroid_px]
+}
+
+/// Returns the method that was drawn, without its parameters.
+fn family(row: &MethodRow) -> &str {
+    row.drawn.split(' ').next().unwrap_or_default()
+}
+
+/// Returns the chart of one scene.
+pub fn speed_accuracy_chart(rows: &[MethodRow], scene: &Scene, backend: &str) -> Chart {
+    let rows = rows_of(rows, scene, backend);
+    let points: Vec<[f64; 2]> = rows.iter().map(|row| point(row)).collect();
+    let front: Vec<[f64; 2]> = pareto_front(&points).into_iter().map(|i| points[i]).collect();
+    let mut series = vec![Series::new("nothing is faster and better", Style::Front, 0, front)];
+    for (group, name) in MethodName::ALL.into_iter().enumerate() {
+        let members: Vec<&&MethodRow> = rows.iter().filter(|row| family(row) == name.name()).collect();
+        if members.is_empty() {
+            continue;
+        }
+        let marked = (0..members.len()).filter(|i| members[*i].is_choice()).collect();
+        let points = members.iter().map(|row| point(row)).collect();
+        series.push(Series { marked, ..Series::new(name.name(), Style::Points, group, points) });
+    }
+    let budget_px = AccuracyBudget::default().centroid_px;
+    let ends = |pick: fn(f64, f64) -> f64, from: f64| points.iter().map(|p| p[0]).fold(from, pick);
+    let line = [ends(f64::min, f64::INFINITY), ends(f64::max, 0.0)].map(|ms| [ms, budget_px]).to_vec();
+    series.push(Series::new("budget", Style::DashedLine, 6, line));
+    Chart {
+        title: format!("{}, {backend} backend", scene.title),
+        x: Axis::log("time to draw a frame, ms"),
+        y: Axis::log("5 x 5 centroid error, px"),
+        series,
+        ring: "the planner's choice".into(),
+        notes: notes(scene, &rows),
+    }
+}
+
+fn notes(scene: &Scene, rows: &[&MethodRow]) -> Vec<String> {
+    let stars = rows.first().map_or(0, |row| row.stars);
+    let measured = if scene.is_for_speed() { "worst of up to 24 bright stars that stand alone" } else { "worst star" };
+    let mut notes = vec![format!(
+        "{stars} stars; error: {measured}, against the f64 reference. Points of a method differ in its number of nodes."
+    )];
+    if !scene.note.is_empty() {
+        notes.push(format!("Quick run: {}.", scene.note));
+    }
+    notes
 }

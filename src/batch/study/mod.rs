@@ -6,35 +6,29 @@
 //! and the result does not depend on their number.
 //!
 //! Assumptions: theory is one rigid axis with small angles ([`theory`]); flexible modes lie well above the bandwidth.
-//! Tour: [`theory`] (expected values), [`trial`] (one run), [`tone`] (sines in a record), `frequency` (margins and
-//! rejection), `noise` (pointing error, time tags, beyond the margin), `figures` (charts, table). Tests: `tests`,
-//! `tests/closed_loop/study.rs`.
+//! Tour: [`theory`] (expected values), [`trial`] (one run; sines in a record, margins and rejection, pointing error, time
+//! tags, beyond the margin), [`point`] (charts, table). Tests: `tests`, `tests/closed_loop/study.rs`.
 
 use base::refused::Refused;
 
-pub mod figures;
-pub mod frequency;
-mod noise;
 pub mod point;
 #[cfg(test)]
 mod tests;
 pub mod theory;
-pub mod tone;
 pub mod trial;
 
-pub use noise::{POINTING_SHARE, TAG_SHARE};
 pub use point::{Agreement, StudyPoint};
+pub use trial::{POINTING_SHARE, TAG_SHARE};
 
 use crate::chart::File;
 use config::{Scenario, StartTime};
 use core::f64::consts::TAU;
 use core::sync::atomic::{AtomicUsize, Ordering};
-use frequency::Latency;
 use rayon::prelude::*;
 use run::wiring::{error::LoopError, vehicle_parts::vehicle_params};
 use testbed::vehicle::VehicleParams;
 use theory::LoopOnPaper;
-use trial::{Injection, at_rest};
+use trial::{Injection, Latency, at_rest};
 
 /// Factor on the delay margin at which the loop must lose the target.
 const BEYOND: f64 = 1.25;
@@ -104,7 +98,8 @@ pub struct Study {
     scenario: Scenario,
     effort: Effort,
     vehicle: VehicleParams,
-    paper: LoopOnPaper,
+    /// The theoretical loop.
+    pub paper: LoopOnPaper,
     crossover_rad_s: f64,
     control_period_s: f64,
     step_s: f64,
@@ -178,11 +173,6 @@ impl Study {
         })
     }
 
-    /// Returns the theoretical loop.
-    pub fn paper(&self) -> &LoopOnPaper {
-        &self.paper
-    }
-
     /// Returns the highest frequency at which theory is checked, the crossover, Hz.
     pub fn bandwidth_hz(&self) -> f64 {
         self.crossover_rad_s / TAU
@@ -203,8 +193,8 @@ impl Study {
         };
         let found: Result<Vec<Vec<StudyPoint>>, Refused> = parts.par_iter().map(measure).collect();
         let mut points = found?.concat();
-        points.extend(frequency::delay_margin(self, &points));
-        Ok(Studied { files: figures::files(self, &points)?, summary: figures::table(&points), points })
+        points.extend(trial::delay_margin(self, &points));
+        Ok(Studied { files: point::files(self, &points)?, summary: point::table(&points), points })
     }
 
     /// Returns the parts of the work, longest first.
@@ -226,11 +216,11 @@ impl Study {
 
     fn measure(&self, part: &Part) -> Result<Vec<StudyPoint>, LoopError> {
         match part {
-            Part::Margin(latency) => frequency::margin(self, *latency),
-            Part::Rejection(frequencies_hz) => frequency::rejection(self, frequencies_hz),
-            Part::Error(latency) => noise::pointing_error(self, *latency),
-            Part::Tag(tag_s) => noise::tag_error(self, *tag_s),
-            Part::Beyond(times) => noise::beyond(self, *times),
+            Part::Margin(latency) => trial::margin(self, *latency),
+            Part::Rejection(frequencies_hz) => trial::rejection(self, frequencies_hz),
+            Part::Error(latency) => trial::pointing_error(self, *latency),
+            Part::Tag(tag_s) => trial::tag_error(self, *tag_s),
+            Part::Beyond(times) => trial::beyond(self, *times),
         }
     }
 

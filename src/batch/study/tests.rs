@@ -1,9 +1,8 @@
 //! Tests tones, margins and the theoretical loop against independent formulae and simulations.
 
-use super::frequency::{delay_margin_s, margin_of};
 use super::theory::{LoopOnPaper, noise_of, taken_over};
-use super::tone::{phasor, read_at};
 use super::trial::Tone;
+use crate::study::trial::{delay_margin_s, margin_of, phasor, read_at};
 use base::units::{ARCSEC, DEG};
 use config::{Document, Scenario};
 use core::f64::consts::TAU;

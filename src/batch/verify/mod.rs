@@ -4,21 +4,16 @@
 //! reads a detector's parameters: gain, noise and the rest are computed from digital numbers alone, so that the file
 //! and the frames are compared independently.
 //!
-//! * `flats`: moments of one image and of pairs, in time and in space.
-//! * `photon_transfer`: the procedure of EMVA 1288 -> [`DataSheet`].
-//! * `linear_fit`: the straight lines in it.
+//! * `photon_transfer`: moments of flats in time and in space, the procedure of EMVA 1288 -> [`DataSheet`].
+//! * `fidelity`: stars of known light in noisy frames -> [`Fidelity`], errors by brightness.
 //! * `table`: both as text.
-//! * `star_field`, `fidelity`: stars of known light in noisy frames -> [`Fidelity`], errors by brightness.
 
 pub mod data_sheet;
 pub mod fidelity;
-pub mod flats;
-pub mod linear_fit;
 pub mod photon_transfer;
-pub mod star_field;
 pub mod table;
 
 pub use data_sheet::DataSheet;
 pub use fidelity::Fidelity;
+pub use fidelity::StarField;
 pub use photon_transfer::{Flat, Procedure, characterise};
-pub use star_field::StarField;

@@ -1,21 +1,16 @@
 //! The report: verdict, conditions, requirements, metrics, plots, provenance; as HTML, JSON and JUnit.
 //!
-//! Tour: `html` -> `plots`; `junit`; `words` (numbers and verdicts in words).
+//! Tour: `forms` (HTML with its plots, JUnit); numbers and verdicts in words below.
 
-mod html;
-mod junit;
-mod plots;
-#[cfg(test)]
-mod tests;
-mod words;
+mod forms;
 
-pub use html::to_html;
-pub use junit::to_junit;
+pub use forms::{to_html, to_junit};
 
-use self::words::counted;
+use crate::assess::Assessment;
+use crate::metric::{Interval, Metric, Settings};
+use crate::provenance::{Paperwork, Provenance};
 use crate::record::{Fate, JudgedCase, Use};
 use crate::requirements::{By, Judgement, Outcome, Verdict};
-use crate::{assess::Assessment, metric::Metric, paperwork::Paperwork, provenance::Provenance, settings::Settings};
 use anyhow::Result;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -160,4 +155,122 @@ fn verdict(title: &str, requirements: &[Judgement], assessment: &Assessment) -> 
     let frames: usize = assessment.cases.iter().map(|case| case.frames.len()).sum();
     parts.push(format!("{}, {}", counted(assessment.cases.len(), "case"), counted(frames, "frame")));
     format!("{word}: {title}: {}", parts.join(", "))
+}
+
+// Numbers and verdicts in words, the same in every form of a report.
+
+/// Digits that count.
+const DIGITS: i32 = 3;
+/// Most digits after the point.
+const MOST_DECIMALS: i32 = 12;
+
+/// Returns a number with three digits that count.
+pub(super) fn number(value: f64) -> String {
+    rounded(value, DIGITS)
+}
+
+/// Returns a number with as many digits, three at least, as show on which side of the limit it is.
+fn number_beside(value: f64, limit: f64) -> String {
+    let is_clear = |text: &String| {
+        text.parse::<f64>()
+            .is_ok_and(|shown| shown.abs().partial_cmp(&limit.abs()) == value.abs().partial_cmp(&limit.abs()))
+    };
+    (DIGITS..=MOST_DECIMALS).map(|digits| rounded(value, digits)).find(is_clear).unwrap_or_else(|| number(value))
+}
+
+fn rounded(value: f64, digits: i32) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return if value == 0.0 { "0".into() } else { "-".into() };
+    }
+    let magnitude = value.abs();
+    if !(1e-3..1e5).contains(&magnitude) {
+        let decimals = usize::try_from(digits - 1).unwrap_or(0);
+        return format!("{value:.decimals$e}");
+    }
+    #[allow(clippy::cast_possible_truncation, reason = "between -3 and 5")]
+    let decade = magnitude.log10().floor() as i32;
+    let decimals = usize::try_from((digits - 1 - decade).clamp(0, MOST_DECIMALS)).unwrap_or(0);
+    let text = format!("{value:.decimals$}");
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+}
+
+/// Returns a share as a percentage, without zeros at its end.
+pub(super) fn percent(share: f64) -> String {
+    let text = format!("{:.4}", 100.0 * share);
+    format!("{} %", text.trim_end_matches('0').trim_end_matches('.'))
+}
+
+/// Returns a count with its noun: one case, two cases.
+pub(super) fn counted(count: usize, noun: &str) -> String {
+    if count == 1 { format!("1 {noun}") } else { format!("{count} {noun}s") }
+}
+
+/// Returns the data that a metric is made from; nothing for a count.
+pub(super) fn data_of(metric: &Metric) -> String {
+    if metric.interval == Interval::Counted {
+        return String::new();
+    }
+    let count = format!("{:.0}", metric.count);
+    if count == "1" {
+        return format!("1 {}", metric.counted.replacen("s ", " ", 1).trim_end_matches('s'));
+    }
+    format!("{count} {}", metric.counted)
+}
+
+/// Returns the rule by which a requirement was compared.
+pub(super) fn rule(judgement: &Judgement) -> &'static str {
+    let has_interval = judgement.measured.as_ref().is_none_or(|metric| metric.high != Some(metric.low));
+    match (judgement.requirement.by, has_interval) {
+        (By::Value, _) => "by value",
+        (By::Interval, true) => "by interval",
+        (By::Interval, false) => "by value: a count has no interval",
+    }
+}
+
+/// Returns what a requirement wants and what was measured.
+pub(super) fn measured(judgement: &Judgement) -> String {
+    let requirement = &judgement.requirement;
+    let (limit, words) = match (requirement.most, requirement.least) {
+        (Some(most), _) => (most, format!("at most {most}")),
+        (None, Some(least)) => (least, format!("at least {least}")),
+        (None, None) => (0.0, String::new()),
+    };
+    let Some(metric) = &judgement.measured else {
+        return format!("{}: wanted {words}, and nothing was measured", requirement.metric);
+    };
+    let [value, low] = [metric.value, metric.low].map(|number| number_beside(number, limit));
+    let high = metric.high.map_or_else(|| "no upper end".to_owned(), |high| number_beside(high, limit));
+    let interval = if metric.high == Some(metric.low) { String::new() } else { format!(" (interval {low} to {high})") };
+    format!("{}: wanted {words}, got {value}{interval} {}; compared {}", metric.id, metric.unit, rule(judgement))
+}
+
+/// Returns what is missing to show a requirement; empty for one that is decided.
+pub(super) fn missing(judgement: &Judgement) -> String {
+    match (judgement.verdict, &judgement.needs) {
+        (Verdict::Met | Verdict::NotMet, _) => String::new(),
+        (_, Some(needs)) => {
+            format!("more data needed: needs {} {}, has {}", needs.needed, needs.of, needs.measured)
+        }
+        (Verdict::NotMeasured, None) => "no data".into(),
+        (Verdict::NotShown, None) => "more data needed; as many as were measured do not decide it".into(),
+    }
+}
+
+#[cfg(test)]
+mod tests;
+
+#[cfg(test)]
+mod words_tests {
+    use super::*;
+
+    #[test]
+    fn numbers_have_three_digits_or_as_many_as_the_limit_needs() {
+        assert_eq!(number(0.537_494), "0.537");
+        assert_eq!((number(1204.3), number(0.1), number(-2.5e-7)), ("1204".into(), "0.1".into(), "-2.50e-7".into()));
+        assert_eq!(number_beside(0.997_000_1, 0.997), "0.9970001");
+        assert_eq!(number_beside(0.996_96, 0.997), "0.99696");
+        assert_eq!(number_beside(0.997, 0.997), "0.997");
+        assert_eq!((percent(0.95), percent(0.9973)), ("95 %".into(), "99.73 %".into()));
+        assert_eq!((counted(1, "case"), counted(2, "case")), ("1 case".into(), "2 cases".into()));
+    }
 }

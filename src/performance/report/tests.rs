@@ -131,7 +131,7 @@ fn a_loss_is_a_gap_and_a_fault_is_marked() {
     let lines = |run: &Case| {
         let assessment = assess(std::slice::from_ref(run), &Settings::default());
         let report = Report::new("r".into(), &assessment, Vec::new(), Vec::new(), (Paperwork::default(), provenance()));
-        let plots = plots::plots(&report, &assessment);
+        let plots = forms::plots(&report, &assessment);
         let plot = plots.iter().find(|plot| plot.contains("Error in time")).unwrap().clone();
         (plot.matches("<polyline").count(), plot.contains("commanded fault"), plot.contains("left out"))
     };

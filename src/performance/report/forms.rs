@@ -1,0 +1,450 @@
+//! A report as one HTML file that needs no other, with its plots, and as JUnit XML.
+
+use crate::page::Page;
+use crate::record::{Judged, JudgedCase, Use};
+use crate::report::{CaseRow, Report, data_of, measured, missing, number, percent, rule};
+use crate::requirements::{Judgement, Outcome, Verdict};
+use crate::{assess::Assessment, metric::Metric, noise::SINE, provenance::FileHash};
+use base::{units::ARCSEC, xml::escaped};
+use core::fmt::Write;
+use frames::report::plot::{Axis, Scale, Series, Style};
+use frames::report::{Chart, to_svg};
+
+const STYLE: &str = "body{font:15px/1.45 Helvetica,Arial,'DejaVu Sans',sans-serif;color:#222;background:#fff;max-width:72em;margin:1.5em auto;padding:0 1em}\
+h1{font-size:1.25em;padding:.6em .8em;border-radius:4px;color:#fff}.met{background:#00694e}.open{background:#7a5a00}.broken{background:#a83a00}\
+h2{font-size:1.1em;margin:1.8em 0 .4em;border-bottom:1px solid #ccc}table{border-collapse:collapse;font-size:.86em;margin:.4em 0}\
+th,td{text-align:left;padding:.22em .7em;border-bottom:1px solid #e3e3e3;vertical-align:top}td.n{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}\
+th{background:#f3f3f3}tr.bad td{background:#fff1ea}tr.open td{background:#fff8dc;color:inherit}code{font-size:.92em;word-break:break-all}.how{display:block;color:#555;min-width:20em;max-width:44em}td.sign{min-width:14em;height:2.2em}\
+svg{max-width:100%;height:auto;margin:.6em 0}p.small{color:#555;font-size:.86em}@media print{body{max-width:none}table{width:100%}h1{print-color-adjust:exact;-webkit-print-color-adjust:exact}h2{break-after:avoid}svg{break-inside:avoid}}";
+
+/// Returns the report as HTML; `data` is the hash of the report as JSON beside it.
+pub fn to_html(report: &Report, assessment: &Assessment, data: &FileHash) -> String {
+    let class = match report.outcome {
+        Outcome::Passed => "met",
+        Outcome::NotShown => "open",
+        Outcome::Failed => "broken",
+    };
+    let verdict = escaped(&report.verdict);
+    let head = format!(
+        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{verdict}</title>\n<style>{STYLE}</style></head>\n\
+         <body><h1 class=\"{class}\">{verdict}</h1>"
+    );
+    let mut page = Page::begun(&head, false);
+    paperwork(&mut page, report, data);
+    statement(&mut page, report);
+    requirements(&mut page, report);
+    metrics(&mut page, "Metrics", report.metrics.iter().filter(|metric| metric.case.is_none()), false);
+    page.heading("Plots");
+    plots(report, assessment).iter().for_each(|plot| page.add(plot));
+    metrics(&mut page, "Metrics of single cases", report.metrics.iter().filter(|metric| metric.case.is_some()), true);
+    meanings(&mut page, report.metrics.iter().filter(|metric| metric.case.is_some()));
+    conditions(&mut page, report);
+    cases(&mut page, &report.cases);
+    provenance(&mut page, report);
+    page.end()
+}
+
+/// Unit, author, date, hash of the data, and the place to sign.
+fn paperwork(page: &mut Page, report: &Report, data: &FileHash) {
+    let document = &report.document;
+    let given = |text: &Option<String>| text.as_deref().map_or_else(|| "-".to_owned(), escaped);
+    page.add("<table><tbody>");
+    for (what, text) in [
+        ("unit under test", &document.unit),
+        ("serial number", &document.serial_number),
+        ("author", &document.author),
+        ("date of test", &document.date_of_test),
+    ] {
+        page.add(&format!("<tr><td>{what}</td><td>{}</td></tr>", given(text)));
+    }
+    page.add(&format!(
+        "<tr><td>data of this report</td><td>{}, SHA-256 <code>{}</code></td></tr>",
+        escaped(&data.path),
+        data.sha256
+    ));
+    page.add("<tr><td>approved by, date, signature</td><td class=\"sign\"></td></tr>");
+    page.end_table();
+}
+
+fn statement(page: &mut Page, report: &Report) {
+    let settings = &report.settings;
+    page.add(&format!(
+        "<p>Metrics by the names and definitions of ECSS-E-ST-60-20C. Intervals are two-sided and have a confidence of {}; \
+         performances are stated at a probability of {}. The error of an attitude is the small turn of the measured frame from the true \
+         one at the time that the tracker states: about x and y (directional) and about the boresight (rotational). A \
+         solution is false where it is off by more than {} arcsec directionally or {} arcsec rotationally. A requirement \
+         that is compared by interval is met where the whole interval meets the limit, not met where none of it does, and \
+         not shown in between; one that is compared by value is met where the measured value meets it, whatever its interval. \
+         The report has failed where a requirement is not met; \
+         where none is broken and not all are shown, more data are needed.</p>",
+        percent(settings.confidence),
+        percent(settings.probability),
+        settings.false_limit.directional_arcsec,
+        settings.false_limit.rotational_arcsec,
+    ));
+}
+
+fn requirements(page: &mut Page, report: &Report) {
+    page.heading("Requirements");
+    page.table(&["identifier", "requirement", "verdict", "compared", "measured", "missing"]);
+    for judgement in &report.requirements {
+        let requirement = &judgement.requirement;
+        let class = match judgement.verdict {
+            Verdict::Met => "",
+            Verdict::NotMet => " class=\"bad\"",
+            Verdict::NotShown | Verdict::NotMeasured => " class=\"open\"",
+        };
+        page.add(&format!(
+            "<tr{class}><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
+            escaped(&requirement.id),
+            escaped(&requirement.text),
+            judgement.verdict.name(),
+            rule(judgement),
+            escaped(&measured(judgement)),
+            escaped(&missing(judgement)),
+        ));
+    }
+    page.end_table();
+}
+
+fn metrics<'a>(page: &mut Page, title: &str, metrics: impl Iterator<Item = &'a Metric>, with_case: bool) {
+    let metrics: Vec<&Metric> = metrics.collect();
+    if metrics.is_empty() {
+        return;
+    }
+    page.heading(title);
+    let mut heads = vec!["metric", "value", "low", "high", "unit", "data", "reading"];
+    if with_case {
+        heads.insert(0, "case");
+    }
+    page.table(&heads);
+    for metric in metrics {
+        let high = metric.high.map_or_else(|| "unbounded".to_owned(), number);
+        let case = metric.case.as_deref().map_or_else(String::new, |case| format!("<td>{}</td>", escaped(case)));
+        let how = if with_case { String::new() } else { format!("<span class=\"how\">{}</span>", escaped(metric.how)) };
+        page.add(&format!(
+            "<tr>{case}<td>{}{how}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{high}</td><td>{}</td>\
+             <td>{}</td><td>{}</td></tr>",
+            escaped(&metric.id),
+            number(metric.value),
+            number(metric.low),
+            metric.unit,
+            data_of(metric),
+            metric.reading.name(),
+        ));
+    }
+    page.end_table();
+}
+
+/// How metrics of single cases are computed, each once.
+fn meanings<'a>(page: &mut Page, metrics: impl Iterator<Item = &'a Metric>) {
+    let mut known: Vec<&str> = Vec::new();
+    let mut list = String::new();
+    for metric in metrics {
+        let id = metric.id.split('.').next().unwrap_or_default();
+        if !known.contains(&id) {
+            known.push(id);
+            let _ = write!(list, "<li>{}: {}</li>", escaped(id), escaped(metric.how)); // writing to a string does not fail
+        }
+    }
+    if !list.is_empty() {
+        page.add(&format!("<ul>{list}</ul>"));
+    }
+}
+
+fn conditions(page: &mut Page, report: &Report) {
+    page.heading("Conditions");
+    page.table(&["what", "value"]);
+    for (what, value) in &report.conditions {
+        page.row(&[what, value]);
+    }
+    page.end_table();
+}
+
+fn cases(page: &mut Page, cases: &[CaseRow]) {
+    page.heading("Cases");
+    page.table(&[
+        "case",
+        "use",
+        "duration, s",
+        "frames",
+        "missing frames",
+        "right",
+        "false",
+        "none",
+        "rows without a frame",
+        "conditions",
+    ]);
+    for case in cases {
+        let conditions: Vec<String> =
+            case.conditions.iter().map(|(key, value)| format!("{key} {}", number(*value))).collect();
+        let nothing = case.frames - case.right - case.wrong;
+        page.add(&format!(
+            "<tr><td>{}</td><td>{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td>\
+             <td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{nothing}</td><td class=\"n\">{}</td><td>{}</td></tr>",
+            escaped(&case.name),
+            case.purpose.words(),
+            number(case.duration_s),
+            case.frames,
+            case.missing_frames,
+            case.right,
+            case.wrong,
+            case.stray_rows,
+            escaped(&conditions.join("; ")),
+        ));
+    }
+    page.end_table();
+}
+
+fn provenance(page: &mut Page, report: &Report) {
+    let from = &report.provenance;
+    page.heading("Provenance");
+    page.table(&["what", "value"]);
+    let seeds: Vec<String> = from.seeds.iter().map(|(name, seed)| format!("{name} {seed}")).collect();
+    let catalogs: Vec<String> = from.catalogs.iter().map(|(name, what)| format!("{name}: {what}")).collect();
+    let rows = [
+        ("made", from.made_utc.clone()),
+        ("command line", from.command_line.join(" ")),
+        ("starloop", format!("{}, SHA-256 {}", from.program_version, from.program_sha256)),
+        ("machine", format!("{}, {}, {}", from.host, from.cpu, from.system)),
+        ("seeds", seeds.join(", ")),
+        ("catalogs", catalogs.join(", ")),
+        ("form of this report", report.schema.to_owned()),
+    ];
+    for (what, value) in rows {
+        page.add(&format!("<tr><td>{what}</td><td><code>{}</code></td></tr>", escaped(&value)));
+    }
+    page.end_table();
+    page.table(&["file", "bytes", "SHA-256"]);
+    for file in &from.files {
+        page.add(&format!(
+            "<tr><td>{}</td><td class=\"n\">{}</td><td><code>{}</code></td></tr>",
+            escaped(&file.path),
+            file.bytes,
+            escaped(&file.sha256)
+        ));
+    }
+    page.end_table();
+}
+
+// The report's plots: errors in time, across the boresight, their spread, acquisition, and what sweeps did.
+
+/// Interrupts a line.
+const GAP: [f64; 2] = [f64::NAN; 2];
+/// Most points of one series: a report stays small.
+const MOST_POINTS: usize = 1500;
+/// Points of a curve.
+const CURVE_POINTS: u32 = 60;
+/// Most plots of errors in time.
+const MOST_IN_TIME: usize = 4;
+
+/// Returns the plots as SVG.
+pub(super) fn plots(report: &Report, assessment: &Assessment) -> Vec<String> {
+    let cases = &assessment.cases;
+    let mut charts: Vec<Chart> = vec![across(cases), cumulative(cases)];
+    charts.extend(acquisition(cases));
+    let in_time = cases.iter().filter(|case| matches!(case.purpose, Use::Run | Use::Drift));
+    charts.extend(in_time.take(MOST_IN_TIME).map(errors_in_time));
+    charts.extend(ratios(report, cases));
+    charts.extend(sweeps(report));
+    charts.iter().filter(|chart| chart.series.iter().any(|series| !series.points.is_empty())).map(to_svg).collect()
+}
+
+fn chart(title: impl Into<String>, x: Axis, y: Axis, series: Vec<Series>) -> Chart {
+    Chart { title: title.into(), x, y, series, ring: String::new(), notes: Vec::new() }
+}
+
+/// Every n-th point, so that at most [`MOST_POINTS`] are left, and all gaps.
+fn thinned(points: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
+    let step = points.len().div_ceil(MOST_POINTS).max(1);
+    let is_kept = |(i, point): &(usize, [f64; 2])| i.is_multiple_of(step) || point[0].is_nan();
+    points.into_iter().enumerate().filter(is_kept).map(|(_, point)| point).collect()
+}
+
+/// Points of some frames, with a gap where a frame has none, and where frames are missing.
+fn with_gaps(case: &JudgedCase, point: impl Fn(&Judged) -> Option<[f64; 2]>) -> Vec<[f64; 2]> {
+    let mut points: Vec<[f64; 2]> = Vec::new();
+    let mut last: Option<u32> = None;
+    for frame in &case.frames {
+        let is_next = last.is_none_or(|last| frame.truth.frame == last + 1);
+        let found = point(frame);
+        if (!is_next || found.is_none()) && points.last().is_some_and(|point| !point[0].is_nan()) {
+            points.push(GAP);
+        }
+        points.extend(found);
+        last = Some(frame.truth.frame);
+    }
+    points
+}
+
+fn errors_in_time(case: &JudgedCase) -> Chart {
+    let zero_ns = case.frames.first().map_or(0, |frame| frame.truth.mid_ns);
+    let t_s = |frame: &Judged| (frame.truth.mid_ns - zero_ns) as f64 * 1e-9;
+    let of = |axis: usize| thinned(with_gaps(case, |frame| Some([t_s(frame), frame.error_rad()?[axis] / ARCSEC])));
+    let names = ["about x", "about y", "about the boresight"].into_iter().enumerate();
+    // The boresight's error is the largest: behind the others.
+    let mut all: Vec<Series> = names.rev().map(|(axis, name)| Series::new(name, Style::Line, axis, of(axis))).collect();
+    let half_s = case.frames.first().map_or(0.0, |frame| 0.5 * frame.truth.exposure_s);
+    let faults = with_gaps(case, |frame| frame.truth.has_fault.then(|| [t_s(frame), 0.0]));
+    let faults: Vec<[f64; 2]> =
+        faults.into_iter().flat_map(|[t_s, y]| [[t_s - half_s, y], [t_s + half_s, y]]).collect();
+    if !faults.is_empty() {
+        all.push(Series::new("commanded fault", Style::Front, 0, faults));
+    }
+    chart(format!("Error in time: {}", case.name), Axis::linear("time, s"), Axis::linear("error, arcsec"), all)
+}
+
+fn across(cases: &[JudgedCase]) -> Chart {
+    let of = |wanted: &[Use]| {
+        let frames = cases.iter().filter(|case| wanted.contains(&case.purpose)).flat_map(|case| &case.frames);
+        thinned(
+            frames.filter_map(|frame| frame.error_rad()).map(|error| [error.x / ARCSEC, error.y / ARCSEC]).collect(),
+        )
+    };
+    let all = vec![
+        Series::new("lost in space", Style::Points, 1, of(&[Use::LostInSpace])),
+        Series::new(
+            "inertial and grids",
+            Style::Points,
+            0,
+            of(&[Use::Inertial, Use::FovGrid, Use::PixelGrid, Use::Run, Use::Drift]),
+        ),
+    ];
+    let shown = all.into_iter().filter(|series| !series.points.is_empty()).collect();
+    let axis = |name: &str| Axis::linear(format!("error about {name}, arcsec"));
+    chart("Errors across the boresight", axis("x"), axis("y"), shown)
+}
+
+fn cumulative(cases: &[JudgedCase]) -> Chart {
+    let frames = cases
+        .iter()
+        .filter(|case| !matches!(case.purpose, Use::Slew | Use::Stress | Use::Bandwidth))
+        .flat_map(|case| &case.frames);
+    let errors: Vec<_> = frames.filter_map(|frame| frame.error_rad()).collect();
+    let of = |measure: fn(&glam::DVec3) -> f64| {
+        let mut values: Vec<f64> = errors.iter().map(|error| measure(error) / ARCSEC).collect();
+        values.sort_by(f64::total_cmp);
+        let n = values.len() as f64;
+        thinned(values.into_iter().enumerate().map(|(i, value)| [value, (i + 1) as f64 / n]).collect())
+    };
+    let all = vec![
+        Series::new("directional", Style::Line, 0, of(|error| error.x.hypot(error.y))),
+        Series::new("rotational", Style::Line, 1, of(|error| error.z.abs())),
+    ];
+    chart("Share of attitudes with a smaller error", Axis::log("error, arcsec"), Axis::share("share"), all)
+}
+
+fn acquisition(cases: &[JudgedCase]) -> Option<Chart> {
+    let lost: Vec<&JudgedCase> = cases.iter().filter(|case| case.purpose == Use::LostInSpace).collect();
+    let groups = lost.iter().flat_map(|case| case.frames.chunk_by(|a, b| a.truth.group == b.truth.group));
+    let groups: Vec<_> = groups.collect();
+    let mut found: Vec<usize> =
+        groups.iter().filter_map(|group| group.iter().position(|frame| frame.is_right())).collect();
+    found.sort_unstable();
+    let longest = groups.iter().map(|group| group.len()).max()?;
+    let share = |frames: usize| found.partition_point(|at| *at < frames) as f64 / groups.len() as f64;
+    let points = (0..=longest).map(|frames| [frames as f64, share(frames)]).collect();
+    let all = vec![Series::new("found", Style::Line, 2, points)];
+    let (x, y) = (Axis::linear("frames"), Axis::share("share of attitudes"));
+    Some(chart("Acquisition from lost in space", x, y, all))
+}
+
+/// The amplitude ratio over the frequency, and that of the exposure alone.
+fn ratios(report: &Report, cases: &[JudgedCase]) -> Option<Chart> {
+    let swept = cases.iter().filter(|case| case.purpose == Use::Bandwidth);
+    let point =
+        |case: &JudgedCase| Some([*case.conditions.get(SINE)?, metric(report, "amplitude_ratio", &case.name)?.value]);
+    let mut measured: Vec<[f64; 2]> = swept.filter_map(point).collect();
+    measured.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let last = measured.last()?[0];
+    let exposure_s = cases.iter().find(|case| case.purpose == Use::Bandwidth)?.frames.first()?.truth.exposure_s;
+    let sinc = |hz: f64| {
+        let x = core::f64::consts::PI * hz * exposure_s;
+        if x == 0.0 { 1.0 } else { (x.sin() / x).abs() }
+    };
+    let exposure = (0..=CURVE_POINTS).map(|i| last * f64::from(i) / f64::from(CURVE_POINTS)).map(|hz| [hz, sinc(hz)]);
+    let all = vec![
+        Series::new("measured", Style::Points, 0, measured),
+        Series::new("exposure alone", Style::Line, 1, exposure.collect()),
+    ];
+    let (x, y) = (Axis::linear("frequency, Hz"), Axis::linear("output over line of sight"));
+    Some(chart("Amplitude ratio", x, y, all))
+}
+
+/// A sweep: cases that share what their names begin with and the key of a value.
+fn sweeps(report: &Report) -> Vec<Chart> {
+    let mut stems: Vec<(&str, String)> = Vec::new();
+    for case in report.cases.iter().filter(|case| case.purpose != Use::Bandwidth) {
+        if let Some((stem, key, _)) = swept(case) {
+            let known = (stem, key.to_owned());
+            if !stems.contains(&known) {
+                stems.push(known);
+            }
+        }
+    }
+    let mut charts = Vec::new();
+    for (stem, key) in &stems {
+        let of = |id: &str| -> Vec<[f64; 2]> {
+            let cases = report.cases.iter().filter(|case| swept(case).is_some_and(|(s, k, _)| s == *stem && k == key));
+            let value = |case: &CaseRow| Some([swept(case)?.2, metric(report, id, &case.name)?.value]);
+            cases.filter_map(value).collect()
+        };
+        let tracking = vec![Series::new("tracking probability", Style::Line, 0, of("tracking_probability"))];
+        charts.push(chart(format!("{stem}: tracking"), Axis::linear(key), Axis::share("share of frames"), tracking));
+        let noise = [
+            ("across, per axis", "temporal_noise.directional_per_axis"),
+            ("about the boresight", "temporal_noise.rotational"),
+        ];
+        let noise =
+            noise.into_iter().enumerate().map(|(group, (name, id))| Series::new(name, Style::Line, group, of(id)));
+        let y = Axis { label: "1 sigma, arcsec".into(), scale: Scale::Log };
+        charts.push(chart(format!("{stem}: temporal noise"), Axis::linear(key), y, noise.collect()));
+    }
+    charts
+}
+
+/// Begin of a swept case's name, the key of its value, and the value.
+fn swept(case: &CaseRow) -> Option<(&str, &str, f64)> {
+    let (stem, last) = case.name.rsplit_once(' ')?;
+    let value: f64 = last.parse().ok()?;
+    let (key, value) =
+        case.conditions.iter().filter(|(key, _)| !key.starts_with("total_")).find(|(_, v)| **v == value)?;
+    Some((stem, key, *value))
+}
+
+fn metric<'a>(report: &'a Report, id: &str, case: &str) -> Option<&'a Metric> {
+    report.metrics.iter().find(|metric| metric.id == id && metric.case.as_deref() == Some(case))
+}
+
+// A report as JUnit XML: a test case for each requirement. One that is not met is a failure, one that is not shown an error.
+
+/// Returns the document.
+pub fn to_junit(report: &Report) -> String {
+    let count = |wanted: &[Verdict]| report.requirements.iter().filter(|one| wanted.contains(&one.verdict)).count();
+    let mut text = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n");
+    let _ = writeln!(
+        text,
+        "<testsuites>\n<testsuite name=\"{}\" tests=\"{}\" failures=\"{}\" errors=\"{}\" skipped=\"0\">",
+        escaped(&report.title),
+        report.requirements.len(),
+        count(&[Verdict::NotMet]),
+        count(&[Verdict::NotShown, Verdict::NotMeasured])
+    );
+    report.requirements.iter().for_each(|judgement| write_case(&mut text, judgement));
+    text + "</testsuite>\n</testsuites>\n"
+}
+
+fn write_case(text: &mut String, judgement: &Judgement) {
+    let name = escaped(&format!("{} {}", judgement.requirement.id, judgement.requirement.text));
+    let head = format!("<testcase classname=\"tracker\" name=\"{}\"", name.trim());
+    let _text_only_grows = if judgement.verdict == Verdict::Met {
+        writeln!(text, "{head}/>")
+    } else {
+        let missing = missing(judgement);
+        let separator = if missing.is_empty() { "" } else { "; " };
+        let message = escaped(&format!("{}{separator}{missing}", measured(judgement)));
+        let element = if judgement.verdict == Verdict::NotMet { "failure" } else { "error" };
+        let kind = escaped(judgement.verdict.name());
+        writeln!(text, "{head}><{element} type=\"{kind}\" message=\"{message}\"/></testcase>")
+    };
+}
