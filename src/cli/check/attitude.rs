@@ -56,7 +56,7 @@ pub(super) fn write_attitude(facts: &mut Lines, bench: &Bench, params: &RunParam
         "wrong by up to {records:.4} arcsec (wire format, time tags): {left} of {total} arcsec are left for the method"
     ));
     if !is_left {
-        facts.named("WARNING").line(format_args!(
+        facts.warning(format_args!(
             "the attitude records alone are wrong by up to {records:.4} arcsec, more than accuracy.los_arcsec = {total}"
         ));
     }
