@@ -9,7 +9,7 @@ use crate::cli::without_hats as hats;
 use crate::cli::{catalog_file::name_of, progress::ProgressLine};
 use anyhow::{Context, bail, ensure};
 use clap::Args;
-use imports::hats_folder::is_hats;
+use imports::is_hats;
 use imports::published::gaia::{Names, import as import_gaia};
 use stars::layer::{Layer, Sorting};
 use std::{io::Write, path::PathBuf};

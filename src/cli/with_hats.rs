@@ -46,7 +46,7 @@ pub(super) fn partitions(folder: &Path, names: &Names, epoch_yr: f64) -> anyhow:
         kind: Kind::Parquet(Parquet(Some(partition.pixel))),
         credits: catalog.credits().map(str::to_owned),
     };
-    Ok(catalog.partitions().iter().map(input).collect())
+    Ok(catalog.partitions.iter().map(input).collect())
 }
 
 /// Writes layers as a catalog of a name and at most so many rows a partition; returns in words what was written.
