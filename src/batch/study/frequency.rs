@@ -12,7 +12,7 @@ use base::time::Span;
 use base::units::{ARCSEC, DEG};
 use core::f64::consts::TAU;
 use run::wiring::error::LoopError;
-use testbed::acs::complex::Complex;
+use testbed::acs::filter::Complex;
 
 /// Tolerance of a phase margin, deg. Pointing noise of 0.55 arcsec rms about an axis, within about 0.1 Hz, is 0.3
 /// arcsec in the amplitude of a tone over a record of 120 s: 0.5 % of `TONE_RAD`, or 0.3 deg; three sigmas.

@@ -6,7 +6,7 @@
 //! analysis with the discrete Fourier transform", Proc. IEEE 66 (1978)). Test: `tests`.
 
 use core::f64::consts::TAU;
-use testbed::acs::complex::Complex;
+use testbed::acs::filter::Complex;
 
 /// Returns the phasor at `frequency_hz` of `samples` taken every `period_s` from `first_s` on.
 pub fn phasor(samples: impl ExactSizeIterator<Item = f64>, first_s: f64, period_s: f64, frequency_hz: f64) -> Complex {

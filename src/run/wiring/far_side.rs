@@ -162,7 +162,7 @@ impl FarSide {
         computer.step(now, port)?;
         let computer_due = computer.next_due();
         if let Some(vehicle) = computer.vehicle_mut() {
-            let telemetry = vehicle.telemetry_mut();
+            let telemetry = &mut vehicle.telemetry;
             for row in telemetry.rows.drain(..) {
                 self.witness.take_row(&row);
                 (self.on_row)(&row);
@@ -181,13 +181,13 @@ impl FarSide {
             self.waiting.extend(core::iter::from_fn(|| tap.take()).map(|frame| (now + TAG_WAIT, head, frame)));
         }
         let is_ready = |(until, head, frame): &mut (Tai, usize, TappedFrame)| {
-            *until <= now || vehicle.has_tag(*head, frame.number)
+            *until <= now || vehicle.heads.has_tag(*head, frame.number)
         };
         let ready: Vec<_> = self.waiting.extract_if(.., is_ready).collect();
         for (_, head, frame) in ready {
-            vehicle.expose(head, &Exposed { exposure_s: frame.exposure_s, regions: frame.regions });
+            vehicle.heads.expose(head, &Exposed { exposure_s: frame.exposure_s, regions: frame.regions });
             vehicle.take_frame(head, frame.number, &frame.image, now);
-            let wish = vehicle.take_wish(head).filter(|_| head < self.desks.len());
+            let wish = vehicle.heads.take_wish(head).filter(|_| head < self.desks.len());
             for commanded in wish.iter().flat_map(|wish| commands_of(wish, now)) {
                 // A full queue loses the command: the next frame brings another one.
                 let _lost = self.desks[head].put(commanded);
@@ -225,7 +225,7 @@ impl FarSide {
     /// Compares a rendered frame with the truth; without a vehicle the truth is unknown.
     pub(super) fn witness_frame(&mut self, head: usize, meta: &FrameMeta) {
         let Some(vehicle) = self.vehicle_mut() else { return };
-        let truth = vehicle.truth(meta.mid_exposure).ok();
+        let truth = vehicle.plant.truth(meta.mid_exposure).ok();
         self.witness.take_frame(head, meta, truth.map(|truth| (truth.body_from_icrf, truth.rate_rad_s.length())));
     }
 }

@@ -58,7 +58,8 @@ pub struct Mekf {
     history: History,
     started: bool,
     gated_in_a_row: u32,
-    counts: MekfCounts,
+    /// Counters so far.
+    pub counts: MekfCounts,
 }
 
 impl Mekf {
@@ -93,6 +94,7 @@ impl Mekf {
 
     /// Begins from an attitude known at `at` (not after the last gyro sample); the bias is forgotten. Gyro samples
     /// since then are worked through again. `false` when `at` is out of reach or the numbers are not usable.
+    #[cfg(test)]
     pub fn start_from(&mut self, at: Tai, body_from_icrf: &Rotation<Body, Icrf>, covariance_rad2: &DMat3) -> bool {
         let fix = Fix { attitude: *body_from_icrf, covariance_rad2: *covariance_rad2 };
         usable(&fix) && self.restart(at, &fix) == Measured::Started
@@ -160,6 +162,7 @@ impl Mekf {
     }
 
     /// Has an attitude, is not lost, and its largest sigma is below the stated one.
+    #[cfg(test)]
     pub fn is_converged(&self) -> bool {
         self.started && !self.is_lost() && self.sigma_rad().max_element() < self.params.converged_sigma_rad
     }
@@ -167,11 +170,6 @@ impl Mekf {
     /// Returns whether more attitudes in a row were refused than allowed: the next one restarts the filter.
     pub fn is_lost(&self) -> bool {
         self.gated_in_a_row > self.params.lost_after
-    }
-
-    /// Returns the counters so far.
-    pub fn counts(&self) -> MekfCounts {
-        self.counts
     }
 
     fn silence_at_end(&self, last: &Step) -> Span {

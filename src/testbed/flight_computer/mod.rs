@@ -6,25 +6,17 @@
 //!
 //! `tests.rs` holds the wire round trip (0.02 arcsec), the time marks, jitter, faults and determinism.
 
-mod jitter;
 mod motion;
-mod received;
-mod remote_clock;
 mod schedule;
 mod slew;
-mod table;
 mod talk;
 #[cfg(test)]
 mod tests;
 
-pub use crate::attitude_truth::AttitudeTruth;
-pub use jitter::{JitterLineParams, JitterStream};
 pub use motion::{AtWaypoints, SteadyMotion, Swing, Waypoint, WaypointError, WaypointMotion};
-pub use received::Received;
-pub use remote_clock::RemoteClock;
-pub use slew::{RampShape, Slew, SlewProfile, body_from_ra_dec_roll};
-pub use table::{FileProfile, Profile};
-pub use talk::{CameraAnswers, TriggerAnswers};
+pub use schedule::{JitterLineParams, JitterStream, RemoteClock};
+pub use slew::{FileProfile, Profile, RampShape, Slew, SlewProfile, body_from_ra_dec_roll};
+pub use talk::{CameraAnswers, Received, TriggerAnswers};
 
 use crate::noise::Gaussian;
 use crate::vehicle::Vehicle;
@@ -37,6 +29,7 @@ use firmware_protocol::message::{
 use firmware_protocol::ticks::ticks_diff;
 use firmware_protocol::{Message, version};
 use glam::DVec3;
+use histories::AttitudeMotion;
 use link::{Departure, LinkError, Port, Stamped};
 use schedule::{Schedule, Stream};
 use talk::Talk;
@@ -134,12 +127,14 @@ pub enum TriggerError {
 pub struct FlightComputer {
     params: FlightComputerParams,
     vehicle: Option<Box<Vehicle>>,
-    clock: RemoteClock,
+    /// Its clock.
+    pub clock: RemoteClock,
     schedule: Schedule,
     talk: Talk,
     noise: Gaussian,
     sent_sync: Option<SentSync>,
-    received: Received,
+    /// The messages received from the stimulator so far.
+    pub received: Received,
 }
 
 impl FlightComputer {
@@ -167,20 +162,10 @@ impl FlightComputer {
         self.vehicle.as_deref_mut()
     }
 
-    /// Returns its clock.
-    pub fn clock(&self) -> RemoteClock {
-        self.clock
-    }
-
     /// Returns when the next message, or the vehicle's next control step, is due.
     pub fn next_due(&self) -> Tai {
         let message = self.clock.at_us(self.schedule.next().1.min(self.talk.next_us()));
         self.vehicle.as_ref().map_or(message, |vehicle| vehicle.next_due().min(message))
-    }
-
-    /// Returns the messages received from the stimulator so far.
-    pub fn received(&self) -> &Received {
-        &self.received
     }
 
     /// Returns whether the stimulator has accepted its RUN.
@@ -231,16 +216,16 @@ impl FlightComputer {
 
     /// Returns the answers of the stimulator to camera commands.
     pub fn camera_answers(&self) -> CameraAnswers {
-        self.talk.camera_answers()
+        self.talk.camera
     }
 
     /// Returns the answers of the stimulator to triggers.
     pub fn trigger_answers(&self) -> TriggerAnswers {
-        self.talk.trigger_answers()
+        self.talk.answers
     }
 
     /// Returns the scripted attitude at `at`, without noise and jitter; `None` where a file has none.
-    pub fn truth(&self, at: Tai) -> Option<AttitudeTruth> {
+    pub fn truth(&self, at: Tai) -> Option<AttitudeMotion> {
         self.params.profile.at(at)
     }
 
@@ -348,7 +333,7 @@ impl FlightComputer {
     fn attitude_record(&mut self, due_us: u64, count: u64) -> Result<Option<AttitudeRecord>, FlightError> {
         let at = self.clock.at_us(due_us);
         let truth = match self.vehicle.as_mut() {
-            Some(vehicle) => Some(vehicle.truth(at)?),
+            Some(vehicle) => Some(vehicle.plant.truth(at)?),
             None => self.truth(at),
         };
         let Some(truth) = truth else { return Ok(None) };
@@ -387,7 +372,7 @@ impl FlightComputer {
     fn jitter_sample_arcsec(&mut self, t_us: u64) -> Result<[f32; 2], FlightError> {
         let at = self.clock.at_us(t_us);
         let rotation_rad = match self.vehicle.as_mut() {
-            Some(vehicle) => vehicle.vibration(at)?,
+            Some(vehicle) => vehicle.plant.vibration(at)?,
             None => self.jitter_truth(at),
         };
         let rotation_arcsec = rotation_rad / ARCSEC;
