@@ -147,13 +147,7 @@ fn stk_attitude(out: &mut dyn Write, history: &AttitudeHistory) -> io::Result<()
     writeln!(out, "CentralBody Earth\nCoordinateAxes ICRF\n{rows_are}")?;
     let mut last = [0.0; 4];
     for state in states() {
-        let [a, b, c, d] = q1_q2_q3_qc(state, &mut last);
-        write!(out, "{} {a} {b} {c} {d}", seconds(state.t_ns, epoch_ns))?;
-        if has_rates {
-            let rate = rate_deg_s(state);
-            write!(out, " {} {} {}", rate.x, rate.y, rate.z)?;
-        }
-        writeln!(out)?;
+        attitude_row(out, &seconds(state.t_ns, epoch_ns), state, &mut last, has_rates)?;
     }
     writeln!(out, "END Attitude")?;
     out.flush()
@@ -168,8 +162,7 @@ fn stk_ephemeris(out: &mut dyn Write, history: &OrbitHistory) -> io::Result<()> 
     writeln!(out, "CentralBody {name}\nCoordinateSystem ICRF\nDistanceUnit Kilometers")?;
     writeln!(out, "InterpolationMethod Hermite\nInterpolationSamplesM1 1\nEphemerisTimePosVel")?;
     for state in states() {
-        let (p, v) = (state.position_km, state.velocity_km_s);
-        writeln!(out, "{} {} {} {} {} {} {}", seconds(state.t_ns, epoch_ns), p.x, p.y, p.z, v.x, v.y, v.z)?;
+        orbit_row(out, &seconds(state.t_ns, epoch_ns), state)?;
     }
     writeln!(out, "END Ephemeris")?;
     out.flush()
@@ -181,7 +174,7 @@ fn time(t_ns: i64) -> String {
 
 /// Returns Q1 Q2 Q3 QC of a turn of axes: the conjugate of this program's quaternion, scalar last, with the sign that
 /// continues `last`, for readers that interpolate its components.
-pub(crate) fn q1_q2_q3_qc(state: &AttitudeState, last: &mut [f64; 4]) -> [f64; 4] {
+fn q1_q2_q3_qc(state: &AttitudeState, last: &mut [f64; 4]) -> [f64; 4] {
     let [w, x, y, z] = state.body_from_icrf.wxyz();
     let quaternion = [-x, -y, -z, w];
     let along: f64 = quaternion.iter().zip(&*last).map(|(a, b)| a * b).sum();
@@ -193,8 +186,31 @@ fn has_rates(segment: &AttitudeSegment) -> bool {
     segment.states().iter().all(|state| state.rate_rad_s.is_some())
 }
 
-pub(crate) fn rate_deg_s(state: &AttitudeState) -> DVec3 {
+fn rate_deg_s(state: &AttitudeState) -> DVec3 {
     state.rate_rad_s.unwrap_or_default().map(f64::to_degrees)
+}
+
+/// Writes a row of an attitude: its time, Q1 Q2 Q3 QC and, where it is wanted, its rate.
+fn attitude_row(
+    out: &mut dyn Write,
+    time: &str,
+    state: &AttitudeState,
+    last: &mut [f64; 4],
+    with_rate: bool,
+) -> io::Result<()> {
+    let [a, b, c, d] = q1_q2_q3_qc(state, last);
+    write!(out, "{time} {a} {b} {c} {d}")?;
+    if with_rate {
+        let rate = rate_deg_s(state);
+        write!(out, " {} {} {}", rate.x, rate.y, rate.z)?;
+    }
+    writeln!(out)
+}
+
+/// Writes a row of an orbit: its time, position and velocity.
+fn orbit_row(out: &mut dyn Write, time: &str, state: &OrbitState) -> io::Result<()> {
+    let (p, v) = (state.position_km, state.velocity_km_s);
+    writeln!(out, "{time} {} {} {} {} {} {}", p.x, p.y, p.z, v.x, v.y, v.z)
 }
 
 /// Returns `KEY, VALUE` of a segment of attitudes.
@@ -238,37 +254,23 @@ fn attitude_metadata(segment: &AttitudeSegment, header: &Header, is_first: bool)
     all
 }
 
-pub(crate) fn aem_kvn(
-    out: &mut dyn Write,
-    history: &AttitudeHistory,
-    header: &Header,
-    is_first: bool,
-) -> io::Result<()> {
+fn aem_kvn(out: &mut dyn Write, history: &AttitudeHistory, header: &Header, is_first: bool) -> io::Result<()> {
     let version = if is_first { "1.0" } else { "2.0" };
     kvn_header(out, "CCSDS_AEM_VERS", version, header)?;
     for segment in history.segments() {
-        writeln!(out, "\nMETA_START")?;
-        for (key, value) in attitude_metadata(segment, header, is_first) {
-            writeln!(out, "{key} = {value}")?;
-        }
-        writeln!(out, "META_STOP\n\nDATA_START")?;
+        kvn_metadata(out, attitude_metadata(segment, header, is_first))?;
+        writeln!(out, "DATA_START")?;
         let with_rates = has_rates(segment) && !is_first;
         let mut last = [0.0; 4];
         for state in segment.states() {
-            let [a, b, c, d] = q1_q2_q3_qc(state, &mut last);
-            write!(out, "{} {a} {b} {c} {d}", time(state.t_ns))?;
-            if with_rates {
-                let rate = rate_deg_s(state);
-                write!(out, " {} {} {}", rate.x, rate.y, rate.z)?;
-            }
-            writeln!(out)?;
+            attitude_row(out, &time(state.t_ns), state, &mut last, with_rates)?;
         }
         writeln!(out, "DATA_STOP")?;
     }
     out.flush()
 }
 
-pub(crate) fn aem_xml(out: &mut dyn Write, history: &AttitudeHistory, header: &Header) -> io::Result<()> {
+fn aem_xml(out: &mut dyn Write, history: &AttitudeHistory, header: &Header) -> io::Result<()> {
     xml_header(out, "aem", "CCSDS_AEM_VERS", header)?;
     for segment in history.segments() {
         xml_metadata(out, attitude_metadata(segment, header, false))?;
@@ -315,22 +317,18 @@ fn orbit_metadata(history: &OrbitHistory, segment: &OrbitSegment, header: &Heade
     ]
 }
 
-pub(crate) fn oem_kvn(out: &mut dyn Write, history: &OrbitHistory, header: &Header) -> io::Result<()> {
+fn oem_kvn(out: &mut dyn Write, history: &OrbitHistory, header: &Header) -> io::Result<()> {
     kvn_header(out, "CCSDS_OEM_VERS", "2.0", header)?;
     for segment in history.segments() {
-        writeln!(out, "\nMETA_START")?;
-        for (key, value) in orbit_metadata(history, segment, header) {
-            writeln!(out, "{key} = {value}")?;
-        }
-        writeln!(out, "META_STOP\n")?;
-        for OrbitState { t_ns, position_km: p, velocity_km_s: v } in segment.states() {
-            writeln!(out, "{} {} {} {} {} {} {}", time(*t_ns), p.x, p.y, p.z, v.x, v.y, v.z)?;
+        kvn_metadata(out, orbit_metadata(history, segment, header))?;
+        for state in segment.states() {
+            orbit_row(out, &time(state.t_ns), state)?;
         }
     }
     out.flush()
 }
 
-pub(crate) fn oem_xml(out: &mut dyn Write, history: &OrbitHistory, header: &Header) -> io::Result<()> {
+fn oem_xml(out: &mut dyn Write, history: &OrbitHistory, header: &Header) -> io::Result<()> {
     xml_header(out, "oem", "CCSDS_OEM_VERS", header)?;
     for segment in history.segments() {
         xml_metadata(out, orbit_metadata(history, segment, header))?;
@@ -352,6 +350,14 @@ pub(crate) fn oem_xml(out: &mut dyn Write, history: &OrbitHistory, header: &Head
 
 fn kvn_header(out: &mut dyn Write, key: &str, version: &str, header: &Header) -> io::Result<()> {
     writeln!(out, "{key} = {version}\nCREATION_DATE = {}\nORIGINATOR = STARLOOP", utc_text(header.created))
+}
+
+fn kvn_metadata(out: &mut dyn Write, entries: Vec<(&'static str, String)>) -> io::Result<()> {
+    writeln!(out, "\nMETA_START")?;
+    for (key, value) in entries {
+        writeln!(out, "{key} = {value}")?;
+    }
+    writeln!(out, "META_STOP\n")
 }
 
 fn xml_header(out: &mut dyn Write, root: &str, key: &str, header: &Header) -> io::Result<()> {

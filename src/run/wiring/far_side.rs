@@ -89,12 +89,12 @@ impl FarSide {
 
     /// Returns the vehicle, if one is flown.
     pub(super) fn vehicle(&self) -> Option<&Vehicle> {
-        self.simulated.as_ref().and_then(|(_, computer)| computer.vehicle())
+        self.simulated.as_ref().and_then(|(_, computer)| computer.vehicle.as_deref())
     }
 
     /// Returns the vehicle for changes, if one is flown.
     pub(super) fn vehicle_mut(&mut self) -> Option<&mut Vehicle> {
-        self.simulated.as_mut().and_then(|(_, computer)| computer.vehicle_mut())
+        self.simulated.as_mut().and_then(|(_, computer)| computer.vehicle.as_deref_mut())
     }
 
     /// Makes the flight computer fire a trigger over the bus, to act at `at` or on arrival.
@@ -161,7 +161,7 @@ impl FarSide {
         let Some((port, computer)) = &mut self.simulated else { return Ok(NEVER) };
         computer.step(now, port)?;
         let computer_due = computer.next_due();
-        if let Some(vehicle) = computer.vehicle_mut() {
+        if let Some(vehicle) = &mut computer.vehicle {
             let telemetry = &mut vehicle.telemetry;
             for row in telemetry.rows.drain(..) {
                 self.witness.take_row(&row);
@@ -176,7 +176,7 @@ impl FarSide {
     /// Passes frames to the trackers, each with its time tag; a frame that came before its tag waits a little for it.
     fn take_frames(&mut self, now: Tai) {
         let Some((_, computer)) = &mut self.simulated else { return };
-        let Some(vehicle) = computer.vehicle_mut() else { return };
+        let Some(vehicle) = &mut computer.vehicle else { return };
         for (head, tap) in self.taps.iter().enumerate() {
             self.waiting.extend(core::iter::from_fn(|| tap.take()).map(|frame| (now + TAG_WAIT, head, frame)));
         }
@@ -200,7 +200,7 @@ impl FarSide {
 
     fn do_aboard(&mut self, action: Aboard) -> Result<(), FlightError> {
         let Some((_, computer)) = &mut self.simulated else { return Ok(()) };
-        let Some(vehicle) = computer.vehicle_mut() else { return Ok(()) };
+        let Some(vehicle) = &mut computer.vehicle else { return Ok(()) };
         match action {
             Aboard::Inject { fault, number } => {
                 let began_at = vehicle.fault_hits(&fault);

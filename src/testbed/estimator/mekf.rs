@@ -97,7 +97,7 @@ impl Mekf {
     #[cfg(test)]
     pub fn start_from(&mut self, at: Tai, body_from_icrf: &Rotation<Body, Icrf>, covariance_rad2: &DMat3) -> bool {
         let fix = Fix { attitude: *body_from_icrf, covariance_rad2: *covariance_rad2 };
-        usable(&fix) && self.restart(at, &fix) == Measured::Started
+        usable(&fix) && self.restart(at, &fix) == Ok(Measured::Started)
     }
 
     /// Returns an attitude from a star tracker that held at `at`, with its noise covariance in body axes (rad^2).
@@ -109,9 +109,9 @@ impl Mekf {
         let result = if !usable(&fix) {
             Measured::Unusable
         } else if !self.started || self.is_lost() {
-            self.restart(at, &fix)
+            self.restart(at, &fix).unwrap_or_else(|refused| refused)
         } else {
-            self.work_in(at, fix)
+            self.work_in(at, fix).unwrap_or_else(|refused| refused)
         };
         match result {
             Measured::Used { .. } => self.counts.used += 1,
@@ -204,18 +204,13 @@ impl Mekf {
         Step { at, rate_measured_rad_s: rate, silent_for: silent, fix: None, after }
     }
 
-    fn work_in(&mut self, at: Tai, fix: Fix) -> Measured {
-        let index = match self.step_before(at) {
-            Ok(index) => index,
-            Err(refused) => return refused,
-        };
+    fn work_in(&mut self, at: Tai, fix: Fix) -> Result<Measured, Measured> {
+        let index = self.step_before(at)?;
         let mut step = self.cut(index, at);
-        let Some(normalised_innovation) = normalised_innovation(&step.after, &fix) else {
-            return Measured::Unusable;
-        };
+        let normalised_innovation = normalised_innovation(&step.after, &fix).ok_or(Measured::Unusable)?;
         if normalised_innovation > self.params.gate_sigma.powi(2) {
             self.gated_in_a_row += 1;
-            return Measured::Gated { normalised_innovation };
+            return Ok(Measured::Gated { normalised_innovation });
         }
         self.gated_in_a_row = 0;
         step.after = corrected(&step.after, &fix);
@@ -223,14 +218,11 @@ impl Mekf {
         let inserted = self.history.split_after(index, step);
         self.replay_after(inserted);
         self.history.forget();
-        Measured::Used { normalised_innovation }
+        Ok(Measured::Used { normalised_innovation })
     }
 
-    fn restart(&mut self, at: Tai, fix: &Fix) -> Measured {
-        let index = match self.step_before(at) {
-            Ok(index) => index,
-            Err(refused) => return refused,
-        };
+    fn restart(&mut self, at: Tai, fix: &Fix) -> Result<Measured, Measured> {
+        let index = self.step_before(at)?;
         let mut step = self.cut(index, at);
         step.after = fresh(&self.params, fix.attitude, fix.covariance_rad2);
         let inserted = self.history.split_after(index, step);
@@ -242,7 +234,7 @@ impl Mekf {
         self.history.forget();
         (self.started, self.gated_in_a_row) = (true, 0);
         self.counts.starts += 1;
-        Measured::Started
+        Ok(Measured::Started)
     }
 
     fn replay_after(&mut self, index: usize) {

@@ -109,24 +109,11 @@ pub enum FlightError {
     Vehicle(#[from] Refused),
 }
 
-/// Why a trigger is not sent.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-pub enum TriggerError {
-    /// The talk is behind.
-    #[error("{} commands wait for their answers already; wanted fewer at a time", talk::WAITING_MAX)]
-    Full,
-    /// Time tags are modulo 71.6 min.
-    #[error("the trigger is to act {away_s:.1} s from now; wanted within an hour: time tags on the bus wrap")]
-    TooFar {
-        /// From now, either way.
-        away_s: f64,
-    },
-}
-
 /// The simulated flight computer.
 pub struct FlightComputer {
     params: FlightComputerParams,
-    vehicle: Option<Box<Vehicle>>,
+    /// The vehicle, when one is flown.
+    pub vehicle: Option<Box<Vehicle>>,
     /// Its clock.
     pub clock: RemoteClock,
     schedule: Schedule,
@@ -152,16 +139,6 @@ impl FlightComputer {
         Self { vehicle: Some(Box::new(vehicle)), ..Self::new(params) }
     }
 
-    /// Returns the vehicle, when one is flown.
-    pub fn vehicle(&self) -> Option<&Vehicle> {
-        self.vehicle.as_deref()
-    }
-
-    /// Returns the vehicle, when one is flown.
-    pub fn vehicle_mut(&mut self) -> Option<&mut Vehicle> {
-        self.vehicle.as_deref_mut()
-    }
-
     /// Returns when the next message, or the vehicle's next control step, is due.
     pub fn next_due(&self) -> Tai {
         let message = self.clock.at_us(self.schedule.next().1.min(self.talk.next_us()));
@@ -178,7 +155,7 @@ impl FlightComputer {
     ///
     /// # Errors
     /// When too many are waiting to be sent, or the instant is too far away: time tags wrap.
-    pub fn send_trigger(&mut self, number: u16, at: Option<Tai>, now: Tai) -> Result<(), TriggerError> {
+    pub fn send_trigger(&mut self, number: u16, at: Option<Tai>, now: Tai) -> Result<(), Refused> {
         let at_us = self.instant_us(at, now)?;
         self.say(Request::Trigger(Trigger { number, at_us }), now)
     }
@@ -187,7 +164,7 @@ impl FlightComputer {
     ///
     /// # Errors
     /// When too many commands are waiting to be sent.
-    pub fn set_camera(&mut self, setting: CameraSetting, now: Tai) -> Result<(), TriggerError> {
+    pub fn set_camera(&mut self, setting: CameraSetting, now: Tai) -> Result<(), Refused> {
         self.say(Request::Camera(setting), now)
     }
 
@@ -195,23 +172,28 @@ impl FlightComputer {
     ///
     /// # Errors
     /// As [`Self::send_trigger`].
-    pub fn trigger_camera(&mut self, head: u8, at: Option<Tai>, now: Tai) -> Result<(), TriggerError> {
+    pub fn trigger_camera(&mut self, head: u8, at: Option<Tai>, now: Tai) -> Result<(), Refused> {
         let at_us = self.instant_us(at, now)?;
         self.say(Request::CameraTrigger(CameraTrigger { head, at_us }), now)
     }
 
     /// Returns an instant as a command carries it.
-    fn instant_us(&self, at: Option<Tai>, now: Tai) -> Result<u32, TriggerError> {
+    fn instant_us(&self, at: Option<Tai>, now: Tai) -> Result<u32, Refused> {
         match at.map(|at| at.max(now) - at.min(now)).filter(|away| *away > TRIGGER_MOST_AWAY) {
-            Some(away) => Err(TriggerError::TooFar { away_s: away.s() }),
+            Some(away) => Err(Refused(format!(
+                "the trigger is to act {:.1} s from now; wanted within an hour: time tags on the bus wrap",
+                away.s()
+            ))),
             // Zero says at once; the microsecond after it is as good.
             None => Ok(at.map_or(0, |at| wrapped(self.clock.elapsed_us(at)).max(1))),
         }
     }
 
-    fn say(&mut self, request: Request, now: Tai) -> Result<(), TriggerError> {
+    fn say(&mut self, request: Request, now: Tai) -> Result<(), Refused> {
         let is_kept = self.talk.say(request, self.clock.elapsed_us(now));
-        if is_kept { Ok(()) } else { Err(TriggerError::Full) }
+        let most = talk::WAITING_MAX;
+        let full = || Refused(format!("{most} commands wait for their answers already; wanted fewer at a time"));
+        is_kept.then_some(()).ok_or_else(full)
     }
 
     /// Returns the answers of the stimulator to camera commands.
