@@ -32,13 +32,11 @@ mod bytes;
 pub mod can;
 /// CRC-16/IBM-3740.
 pub mod crc;
-mod encode_error;
 /// The receiving side of HELLO, INFO, RUN, STOP, APPLY, TRIGGER, CAMERA and CAMERA_TRIGGER.
 pub mod handshake;
 /// Messages, on any carrier.
 pub mod message;
 mod reject;
-mod scaled;
 mod sequence;
 /// Serial framing: COBS, header, CRC.
 pub mod serial;
@@ -48,9 +46,8 @@ pub mod ticks;
 pub mod version;
 
 pub use bytes::{PAYLOAD_MAX, Payload};
-pub use encode_error::EncodeError;
 pub use message::{Message, MessageId};
-pub use reject::{Reject, RejectCounters};
+pub use reject::{EncodeError, Reject, RejectCounters};
 pub use sequence::REPLAY_WINDOW;
 
 /// The only attitude convention of this major version: Hamilton, scalar first, passive `body_from_icrf`.

@@ -460,7 +460,7 @@ pub(super) fn simulate(arguments: &SimulateArgs) -> Result<()> {
     let looking = Tracker { name: "simulated tracker", geometry: &tracker, illumination: &|_| 1.0 };
     let fitted = fit(&plan, &sights, &looking, &options)?;
     announce(&fitted)?;
-    let error_px = worst_error_px(bench.truth(), &fitted);
+    let error_px = worst_error_px(&bench.truth, &fitted);
     let error_arcsec = error_px * fitted.map.geometry.arcsec_per_px();
     println!("  against truth    {error_px:.4} display px = {error_arcsec:.3} arcsec at worst, between all dots");
     if let Some(folder) = &arguments.out {
@@ -479,7 +479,7 @@ pub(super) fn simulate(arguments: &SimulateArgs) -> Result<()> {
 }
 
 fn simulated_sights(bench: &mut DisplayBench, plan: &Plan) -> Vec<Sight> {
-    let BenchTruth { gain_e_per_dn, black_level_dn, .. } = *bench.truth();
+    let BenchTruth { gain_e_per_dn, black_level_dn, .. } = bench.truth;
     let (largest_dn, full_well_e) = (u16::MAX, f64::INFINITY);
     let scale = FrameScale { gain_e_per_dn, black_level_dn, exposure_s: SIMULATED_EXPOSURE_S, largest_dn, full_well_e };
     let mut sights = Vec::new();

@@ -6,7 +6,7 @@ use anyhow::{Context, Result, bail};
 use base::{axes::sensor_from_ra_dec_roll, time::Tai};
 use clap::{Args, ValueEnum};
 use config::{Document, is_camera};
-use night_sky::{Compared, Comparer, Options, picture::Flip, report};
+use night_sky::{Compared, Comparer, Options, html, picture::Flip, report};
 use std::path::{Path, PathBuf};
 
 /// Command line of `compare`.
@@ -115,7 +115,7 @@ fn options(arguments: &CompareArgs) -> Result<Options> {
 /// Writes report, pictures, camera files and tables.
 fn write(folder: &Path, arguments: &CompareArgs, compared: &[Compared]) -> Result<()> {
     named::make_folder("--out", folder)?;
-    let files = report::files(compared, &arguments.camera)?;
+    let files = html::files(compared, &arguments.camera)?;
     for (name, bytes) in files {
         let path = folder.join(name);
         frames::sink::write_file_atomically(&path, |out| out.write_all(&bytes))

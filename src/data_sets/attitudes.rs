@@ -5,7 +5,7 @@
 //! roll), `file` (attitudes as `starloop render --attitudes` takes them). The last two are taken row by row, from the
 //! first again after the last. Tests: below.
 
-use crate::draws::Draws;
+use crate::distribution::Draws;
 use anyhow::{Context, Result, bail};
 use base::axes::{Icrf, Rotation, Sensor, attitude_of_uniforms, sensor_from_ra_dec_roll};
 use core::f64::consts::TAU;
@@ -129,7 +129,7 @@ impl Attitudes {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::draws::Purpose;
+    use crate::distribution::Purpose;
     use base::axes::ra_dec_roll;
 
     const COUNT: u32 = 4000;

@@ -5,8 +5,7 @@
 //! its own; several programs may draw shards of one folder at the same time. Shards that are there are not drawn again.
 //! Tests: below, and `hil_scripts/test_data_sets.py`, which kills it.
 
-use crate::folder::{About, all_records, begin, finish};
-use crate::shard::{Times, read_record, write_shard};
+use crate::folder::{About, Times, all_records, begin, finish, read_record, write_shard};
 use crate::spec::Spec;
 use anyhow::{Context, Result, bail};
 use core::ops::Range;

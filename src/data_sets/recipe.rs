@@ -3,8 +3,7 @@
 //! In: a description, the number of an item, the camera of its shard. Out: a [`Recipe`] with everything that is drawn,
 //! checked as the files of a run are. Tests: below, and `studio`.
 
-use crate::distribution::{drawn, drawn_table, number_of};
-use crate::draws::{Draws, Purpose};
+use crate::distribution::{Draws, Purpose, drawn, drawn_table, number_of};
 use crate::spec::{FaultDraw, MOST_OF_AN_ENTRY, MotionKeys, Spec, TargetDraw};
 use anyhow::{Context, Result, bail};
 use base::axes::{Icrf, Rotation, Sensor};

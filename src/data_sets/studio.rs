@@ -4,7 +4,7 @@
 //! ready to draw ([`Studio`]); then, for the number of an item, its image, truth and labels ([`Item`]). A camera with image
 //! lag is refused: its images depend on the images before them. Tests: below.
 
-use crate::draws::{Draws, Purpose};
+use crate::distribution::{Draws, Purpose};
 use crate::outline::{Mean, Outline};
 use crate::{distribution::drawn_table, recipe::Recipe, spec::Spec};
 use anyhow::{Context, Result, bail};
@@ -37,7 +37,8 @@ pub struct Item {
 /// The camera of a shard, ready to draw.
 pub struct Studio {
     spec: Spec,
-    shard: u32,
+    /// The number of its shard.
+    pub shard: u32,
     bench: Bench,
     still: Still,
     /// Targets of the bench itself.
@@ -45,7 +46,7 @@ pub struct Studio {
     sensitivity: Sensitivity,
     ifov_arcsec: f64,
     /// Keys that were drawn for the camera and the bench, as JSON.
-    drawn_keys: String,
+    pub drawn_keys: String,
 }
 
 impl Studio {
@@ -83,19 +84,9 @@ impl Studio {
         camera_of(spec, &keys).context("camera")
     }
 
-    /// Returns the number of its shard.
-    pub fn shard(&self) -> u32 {
-        self.shard
-    }
-
     /// Returns the camera file as it is drawn with.
     pub fn camera(&self) -> &Camera {
         &self.bench.camera
-    }
-
-    /// Returns the keys that were drawn for the camera and the bench, as JSON.
-    pub fn drawn_keys(&self) -> &str {
-        &self.drawn_keys
     }
 
     /// Returns whether items may have targets.
@@ -259,9 +250,9 @@ mod tests {
                     \"observer.altitude_km\" = { uniform = [400, 800] }\n";
         let spec = spec(keys);
         let [first, second] = [0, 1].map(|shard| Studio::new(&spec, shard).unwrap());
-        assert_ne!(first.drawn_keys(), second.drawn_keys());
+        assert_ne!(first.drawn_keys, second.drawn_keys);
         assert_ne!(first.camera().detector.params.black_level_dn, second.camera().detector.params.black_level_dn);
-        assert_eq!(first.drawn_keys(), Studio::new(&spec, 0).unwrap().drawn_keys());
+        assert_eq!(first.drawn_keys, Studio::new(&spec, 0).unwrap().drawn_keys);
     }
 
     #[test]

@@ -8,7 +8,7 @@
 //! * [`variables`] has every variable with its reference, type, unit and meaning, in one table;
 //! * [`description`] writes `modelDescription.xml`;
 //! * [`archive`] writes the .fmu file;
-//! * [`slave`] is the life of one instance; `inputs`, `outputs` and `access` are its variables.
+//! * [`slave`] is the life of one instance, and `values` are its variables.
 //!
 //! Standard: FMI 3.0.2, <https://fmi-standard.org/docs/3.0.2/>. Tests: below, and with FMPy in
 //! `hil_scripts/test_fmu.py`.
@@ -23,14 +23,11 @@
     )
 )]
 
-mod access;
 pub mod archive;
 pub mod description;
 mod error;
-mod inputs;
-mod outputs;
 pub mod slave;
-mod state;
+mod values;
 pub mod variables;
 
 pub use error::FmuError;

@@ -108,67 +108,35 @@ pub mod reference {
 const IDENTITY: &str = "1 0 0 0";
 const ZEROS: &str = "0 0 0";
 
+/// Returns a single variable without unit and start.
+fn variable(name: impl Into<String>, reference: u32, kind: Kind, role: Role, description: &str) -> Variable {
+    let (name, description) = (name.into(), description.into());
+    Variable { name, reference, kind, role, elements: None, unit: None, start: None, description }
+}
+
 /// Returns every variable of a unit with so many heads.
 pub fn variables(heads: usize) -> Vec<Variable> {
-    let mut all = vec![Variable {
-        name: "time".into(),
-        reference: reference::TIME,
-        kind: Kind::Float64,
-        role: Role::Time,
-        elements: None,
-        unit: Some("s"),
-        start: None,
-        description: "Time since the first exposure begins".into(),
-    }];
-    all.extend(parameters());
+    let time = variable("time", reference::TIME, Kind::Float64, Role::Time, "Time since the first exposure begins");
+    let folder = "New folder for the frames and tables of the run; empty: frames are drawn and not kept";
+    let folder = variable("output_dir", reference::OUTPUT_DIR, Kind::String, Role::Parameter, folder);
+    let refused = "Inputs that were refused, such as an attitude that jumps";
+    let mut all = vec![Variable { unit: Some("s"), ..time }, Variable { start: Some("starloop_fmu".into()), ..folder }];
     all.extend(inputs());
-    all.push(Variable {
-        name: "refused_samples".into(),
-        reference: reference::REFUSED,
-        kind: Kind::UInt64,
-        role: Role::Output,
-        elements: None,
-        unit: None,
-        start: None,
-        description: "Inputs that were refused, such as an attitude that jumps".into(),
-    });
+    all.push(variable("refused_samples", reference::REFUSED, Kind::UInt64, Role::Output, refused));
     (0..heads).for_each(|head| all.extend(of_head(head, heads)));
     all
 }
 
-fn parameters() -> [Variable; 1] {
-    [Variable {
-        name: "output_dir".into(),
-        reference: reference::OUTPUT_DIR,
-        kind: Kind::String,
-        role: Role::Parameter,
-        elements: None,
-        unit: None,
-        start: Some("starloop_fmu".into()),
-        description: "New folder for the frames and tables of the run; empty: frames are drawn and not kept".into(),
-    }]
-}
-
 fn inputs() -> Vec<Variable> {
     let vector = |name: &str, reference, unit, start: &str, description: &str| Variable {
-        name: name.into(),
-        reference,
-        kind: Kind::Float64,
-        role: Role::Input,
         elements: Some(start.split(' ').count()),
         unit,
         start: Some(start.into()),
-        description: description.into(),
+        ..variable(name, reference, Kind::Float64, Role::Input, description)
     };
     let single = |name: &str, reference, kind, start: &str, description: &str| Variable {
-        name: name.into(),
-        reference,
-        kind,
-        role: Role::Input,
-        elements: None,
-        unit: None,
         start: Some(start.into()),
-        description: description.into(),
+        ..variable(name, reference, kind, Role::Input, description)
     };
     vec![
         vector(
@@ -224,14 +192,9 @@ fn of_head(head: usize, heads: usize) -> Vec<Variable> {
     let prefix = if heads == 1 { String::new() } else { format!("head_{head}_") };
     let first = reference::HEADS + reference::HEAD_STRIDE * u32::try_from(head).unwrap_or(u32::MAX / 200);
     let output = |name: &str, reference: u32, kind, elements, unit, description: &str| Variable {
-        name: format!("{prefix}{name}"),
-        reference: first + reference,
-        kind,
-        role: Role::Output,
         elements,
         unit,
-        start: None,
-        description: description.into(),
+        ..variable(format!("{prefix}{name}"), first + reference, kind, Role::Output, description)
     };
     let (four, float) = (Some(4), Kind::Float64);
     vec![

@@ -1,6 +1,6 @@
 //! Life of an instance: made, initialised, stepped, ended, freed.
 
-use crate::instance::{Instance, LogMessage, Status, log, of, put, text};
+use crate::instance::{Instance, LogMessage, Status, call, log, of, put, text};
 use core::ffi::{c_char, c_void};
 use fmu::{FmuError, Slave};
 use std::{panic::catch_unwind, path::Path};
@@ -75,12 +75,12 @@ pub extern "C" fn fmi3EnterInitializationMode(
     _has_stop: bool,
     _stop_s: f64,
 ) -> Status {
-    of(instance).map_or(Status::Error, |instance| instance.call(|slave| slave.enter(start_s)))
+    call(instance, |slave| slave.enter(start_s))
 }
 
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi3ExitInitializationMode(instance: *mut c_void) -> Status {
-    of(instance).map_or(Status::Error, |instance| instance.call(Slave::exit))
+    call(instance, Slave::exit)
 }
 
 #[unsafe(no_mangle)]
@@ -107,11 +107,9 @@ pub extern "C" fn fmi3Terminate(instance: *mut c_void) -> Status {
 
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi3Reset(instance: *mut c_void) -> Status {
-    of(instance).map_or(Status::Error, |instance| {
-        instance.call(|slave| {
-            slave.reset();
-            Ok::<_, FmuError>(())
-        })
+    call(instance, |slave| {
+        slave.reset();
+        Ok::<_, FmuError>(())
     })
 }
 

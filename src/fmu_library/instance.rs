@@ -79,6 +79,11 @@ pub fn of<'a>(instance: *mut c_void) -> Option<&'a mut Instance> {
     unsafe { instance.cast::<Instance>().as_mut() }
 }
 
+/// Calls safe code on the instance behind a pointer.
+pub fn call<E: core::fmt::Display>(instance: *mut c_void, work: impl FnOnce(&mut Slave) -> Result<(), E>) -> Status {
+    of(instance).map_or(Status::Error, |instance| instance.call(work))
+}
+
 /// Returns `count` values behind a pointer; none for null.
 pub fn slice<'a, T>(values: *const T, count: usize) -> &'a [T] {
     if values.is_null() || count == 0 {

@@ -1,6 +1,6 @@
 //! Getting and setting variables.
 
-use crate::instance::{Instance, Status, of, slice, slice_mut, text};
+use crate::instance::{Instance, Status, call, of, slice, slice_mut, text};
 use core::ffi::{c_char, c_void};
 use fmu::Slave;
 use std::ffi::CString;
@@ -21,8 +21,7 @@ fn get<T: Copy>(
     kind: &str,
     read: impl Fn(&Slave, u32) -> Option<Vec<T>>,
 ) -> Status {
-    let Some(instance) = of(instance) else { return Status::Error };
-    instance.call(|slave| {
+    call(instance, |slave| {
         let mut place = 0;
         for reference in references {
             let part = read(slave, *reference).ok_or_else(|| no_such(*reference, kind))?;
@@ -42,8 +41,7 @@ fn set<T: Copy>(
     kind: &str,
     write: impl Fn(&mut Slave, u32, T) -> bool,
 ) -> Status {
-    let Some(instance) = of(instance) else { return Status::Error };
-    instance.call(|slave| {
+    call(instance, |slave| {
         if references.len() != values.len() {
             return Err(too_few(values.len()));
         }
@@ -76,9 +74,8 @@ pub extern "C" fn fmi3SetFloat64(
     values: *const f64,
     value_count: usize,
 ) -> Status {
-    let Some(instance) = of(instance) else { return Status::Error };
     let (references, values) = (slice(references, count), slice(values, value_count));
-    instance.call(|slave| {
+    call(instance, |slave| {
         let mut rest = values;
         for reference in references {
             let into = slave.float64_input(*reference).ok_or_else(|| no_such(*reference, "Float64"))?;

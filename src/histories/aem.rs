@@ -11,10 +11,11 @@
 
 use crate::aem_row::{MOST_NUMBERS, RowKind};
 use crate::attitude::{AttitudeHistory, AttitudeSegment, Times};
+use crate::attitude_methods::{AttitudeInterpolation, AttitudeState};
 use crate::error::{HistoryError, Source};
 use crate::message::{Kind, Message};
-use crate::metadata::{Metadata, Wanted, numbers};
-use crate::{aem_frames::Frames, attitude_methods::AttitudeInterpolation, attitude_state::AttitudeState, findings};
+use crate::metadata::{Metadata, Wanted, note, numbers};
+use crate::{aem_row::Frames, findings};
 
 /// Keywords of a segment that OEM does not have.
 const KEYS: [&str; 9] = [
@@ -91,21 +92,10 @@ fn attitudes(
     let times_ns: Vec<i64> = states.iter().map(|state| state.t_ns).collect();
     warnings.extend(metadata.check_times(system, &times_ns)?);
     kind.check_steps(metadata, &rows, &segment.rows)?;
-    note(notes, [system.note(), frames.axes.note(), kind.note()]);
+    note(notes, [system.note(), frames.axes.note(), kind.note()].into_iter().flatten());
     let method = method(metadata, kind.has_rates(), notes)?;
     let fit = AttitudeSegment::new(states, method, metadata.usable_ns(system)?);
-    fit.map_err(|unfit| {
-        let row = unfit.row().and_then(|row| segment.rows.get(row - 1));
-        source.because(row.map_or(segment.offset, |row| row.offset), &unfit.to_string())
-    })
-}
-
-fn note(notes: &mut Vec<String>, said: [Option<&str>; 3]) {
-    for sentence in said.into_iter().flatten() {
-        if !notes.iter().any(|known| known == sentence) {
-            notes.push(sentence.into());
-        }
-    }
+    fit.map_err(|unfit| metadata.unfit(&unfit))
 }
 
 /// Returns the interpolation that the file asks for.
@@ -120,10 +110,7 @@ fn method(
         ("LINEAR" | "SLERP", None | Some(1)) => Ok(AttitudeInterpolation::Slerp),
         ("HERMITE", Some(3)) if has_rates => Ok(AttitudeInterpolation::CubicHermite),
         ("HERMITE", Some(degree)) if !has_rates => {
-            note(
-                notes,
-                [Some("HERMITE without rates is a polynomial of its degree through the quaternions"), None, None],
-            );
+            note(notes, ["HERMITE without rates is a polynomial of its degree through the quaternions"]);
             Ok(AttitudeInterpolation::Lagrange(degree))
         }
         ("LAGRANGE", Some(degree)) => Ok(AttitudeInterpolation::Lagrange(degree)),

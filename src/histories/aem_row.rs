@@ -1,4 +1,4 @@
-//! Reads a row of an AEM: ATTITUDE_TYPE and its companions -> an attitude, and perhaps a rate, of numbers.
+//! Reads the frames and the rows of a segment of an AEM: ATTITUDE_TYPE and its companions -> an attitude, and perhaps a rate, of numbers.
 //!
 //! | type | numbers of a row | read as |
 //! |---|---|---|
@@ -11,9 +11,11 @@
 //! spin; Orekit reads it so). The speeds of spin and nutation are left out: the attitudes have them. Version 1 names its
 //! angles X, Y and Z and lets programs differ on their order, so that only the sequence 123 is certain; its rates
 //! (/RATE) are left out, because it does not fix what they are. Tests: `tests::files`, `hil_scripts/test_histories.py`.
+//! The frames and the direction of the quaternions say how attitudes and rates become this program's.
 
-use crate::attitude_methods::{MOST_TURN_RAD, rate_of_derivative, s_between};
-use crate::{aem_frames::Frames, attitude_state::AttitudeState, error::HistoryError, message::Row, metadata::Metadata};
+use crate::attitude_methods::{AttitudeState, MOST_TURN_RAD, rate_of_derivative, s_between};
+use crate::reference_axes::{ReferenceAxes, WANTED_AXES};
+use crate::{error::HistoryError, message::Row, metadata::Metadata};
 use base::axes::{Rotation, WRITTEN_NORM_TOLERANCE};
 use glam::{DQuat, DVec3};
 
@@ -217,12 +219,8 @@ fn angles(metadata: &Metadata<'_>, is_first: bool) -> Result<Form, HistoryError>
 }
 
 fn is_scalar_first(metadata: &Metadata<'_>) -> Result<bool, HistoryError> {
-    let entry = metadata.needed("QUATERNION_TYPE")?;
-    match entry.value {
-        "FIRST" => Ok(true),
-        "LAST" => Ok(false),
-        _ => Err(metadata.refuse(entry, "FIRST or LAST: where the scalar is")),
-    }
+    let wanted = "FIRST or LAST: where the scalar is";
+    metadata.choice("QUATERNION_TYPE", [("FIRST", true), ("LAST", false)], wanted)
 }
 
 /// Returns whether ANGVEL_FRAME is that of the body.
@@ -235,5 +233,52 @@ fn is_rate_in_body(metadata: &Metadata<'_>, frames: &Frames<'_>) -> Result<bool,
         name if name == frames.body => Ok(true),
         name if Some(name) == a || Some(name) == b => Ok(false),
         _ => Err(metadata.refuse(axes, "REF_FRAME_A or REF_FRAME_B, or the name of one of them")),
+    }
+}
+
+/// Beginnings of frame names that are neither inertial nor those of a spacecraft.
+const NOT_A_BODY: [&str; 20] = [
+    "ITRF", "TEME", "TOD", "MOD", "TNW", "RTN", "RSW", "LVLH", "QSW", "NTW", "PQW", "VNC", "GTOD", "TIRS", "CIRS",
+    "GRC", "EFG", "WGS84", "DTRF", "FIXED",
+];
+
+/// The frames of a segment, and the direction of its quaternions.
+pub(crate) struct Frames<'m> {
+    pub(crate) axes: ReferenceAxes,
+    pub(crate) body: &'m str,
+    /// Attitudes turn the inertial axes into those of the body.
+    pub(crate) is_to_body: bool,
+}
+
+impl<'m> Frames<'m> {
+    /// Reads the frames of a segment; `is_first` is version 1.
+    pub(crate) fn read(metadata: &Metadata<'m>, is_first: bool) -> Result<Self, HistoryError> {
+        let [a, b] = [metadata.needed("REF_FRAME_A")?, metadata.needed("REF_FRAME_B")?];
+        let [axes_a, axes_b] = [a, b].map(|entry| ReferenceAxes::of_name(entry.value));
+        let (axes, body, a_is_inertial) = match (axes_a, axes_b) {
+            (Some(axes), None) => (axes, b, true),
+            (None, Some(axes)) => (axes, a, false),
+            (Some(_), Some(_)) => return Err(metadata.refuse(b, "a spacecraft frame, such as SC_BODY_1")),
+            (None, None) => return Err(metadata.refuse(a, &format!("one frame with {WANTED_AXES}"))),
+        };
+        let name = body.value.to_ascii_uppercase();
+        if body.value.is_empty() || NOT_A_BODY.iter().any(|known| name.starts_with(known)) {
+            return Err(metadata.refuse(body, "a spacecraft frame, such as SC_BODY_1"));
+        }
+        let words = [("A2B", true), ("B2A", false)];
+        let is_a_to_b = !is_first || metadata.choice("ATTITUDE_DIR", words, "A2B or B2A")?;
+        Ok(Self { axes, body: body.value, is_to_body: is_a_to_b == a_is_inertial })
+    }
+
+    /// Returns this program's quaternion for one of the file.
+    pub(crate) fn body_from_axes(&self, quaternion: DQuat) -> DQuat {
+        if self.is_to_body { quaternion.conjugate() } else { quaternion }
+    }
+
+    /// Returns a rate of the frame B with respect to A, in the axes of one of them, as a rate of the body in its own
+    /// axes.
+    pub(crate) fn body_rate(&self, rate_rad_s: DVec3, is_in_body: bool, body_from_axes: DQuat) -> DVec3 {
+        let in_body = if is_in_body { rate_rad_s } else { body_from_axes * rate_rad_s };
+        if self.is_to_body { in_body } else { -in_body }
     }
 }

@@ -3,10 +3,11 @@
 //! Within one segment the attitude is interpolated ([`AttitudeInterpolation`]); outside of all segments, and outside a
 //! segment's usable interval, it is not available.
 
-use crate::attitude_methods::{AttitudeInterpolation, MOST_TURN_RAD, s_between, turn_beside_rates, turn_between};
-use crate::attitude_state::{AttitudeMotion, AttitudeState};
-use crate::contradiction::{Comparison, Floor, Names, Step, compare};
-use crate::{findings, segments};
+use crate::attitude_methods::{
+    AttitudeInterpolation, AttitudeMotion, AttitudeState, MOST_TURN_RAD, s_between, turn_beside_rates, turn_between,
+};
+use crate::findings::{self, Comparison, Floor, Names, Step, compare};
+use crate::segments::{self, Unfit};
 use base::time::Tai;
 use glam::DVec3;
 use std::sync::Arc;
@@ -54,41 +55,12 @@ const NAMES: Names = Names { derivatives: "rates", values: "attitudes", unit: "d
 /// Fastest rate of a row, rad/s: far beyond any spacecraft.
 pub(crate) const MOST_RATE_RAD_S: f64 = 1e3;
 
+/// Why a history without rows is none.
+const NO_ROWS: &str = "no attitude; wanted one row at least";
+
 /// Returns true for a rate that a row may have.
 pub(crate) fn is_slow_enough(rate_rad_s: DVec3) -> bool {
     rate_rad_s.length() <= MOST_RATE_RAD_S
-}
-
-/// Why rows make no segment, or segments no history.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub(crate) enum Unfit {
-    #[error("no attitude; wanted one row at least")]
-    NoRows,
-    #[error("row {row} is not after the one before it; wanted rising times: sort the rows, remove repeated ones")]
-    NotRising { row: usize },
-    #[error(
-        "the body turns by {turn_deg:.0} deg between rows {row} and {next}; wanted at most {most:.0} deg for this interpolation: give denser rows",
-        next = row + 1, most = MOST_TURN_RAD.to_degrees()
-    )]
-    TurnsTooFar { row: usize, turn_deg: f64 },
-    #[error(
-        "the rate of row {row} is above {MOST_RATE_RAD_S} rad/s or no number; wanted that of a spacecraft: check the unit"
-    )]
-    TooFast { row: usize },
-    #[error("segment {segment} begins before the one before it ends; wanted usable times that do not overlap")]
-    Overlap { segment: usize },
-    #[error("the usable interval has no row of the segment; wanted one that lies within its rows")]
-    NotUsable,
-}
-
-impl Unfit {
-    /// Returns the row that is meant, from 1.
-    pub(crate) fn row(&self) -> Option<usize> {
-        match self {
-            Self::NotRising { row } | Self::TurnsTooFar { row, .. } | Self::TooFast { row } => Some(*row),
-            Self::NoRows | Self::Overlap { .. } | Self::NotUsable => None,
-        }
-    }
 }
 
 impl AttitudeSegment {
@@ -101,13 +73,19 @@ impl AttitudeSegment {
         // A product with a length of time must stay a number.
         let is_too_fast = |state: &AttitudeState| state.rate_rad_s.is_some_and(|rate| !is_slow_enough(rate));
         if let Some(place) = states.iter().position(is_too_fast) {
-            return Err(Unfit::TooFast { row: place + 1 });
+            return Err(Unfit::of_row(
+                place + 1,
+                format!(
+                    "the rate of row {} is above {MOST_RATE_RAD_S} rad/s or no number; wanted that of a spacecraft: check the unit",
+                    place + 1
+                ),
+            ));
         }
-        let (Some(first), Some(last)) = (states.first(), states.last()) else { return Err(Unfit::NoRows) };
+        let (Some(first), Some(last)) = (states.first(), states.last()) else { return Err(Unfit::of_all(NO_ROWS)) };
         let usable = segments::usable([first.t_ns, last.t_ns], usable_ns);
         for (place, pair) in states.windows(2).enumerate() {
             if pair[0].t_ns >= pair[1].t_ns {
-                return Err(Unfit::NotRising { row: place + 2 });
+                return Err(Unfit::not_rising(place + 2));
             }
             let turn_rad = match method {
                 AttitudeInterpolation::Slerp | AttitudeInterpolation::ConstantRate => 0.0,
@@ -117,7 +95,14 @@ impl AttitudeSegment {
                 }
             };
             if turn_rad > MOST_TURN_RAD {
-                return Err(Unfit::TurnsTooFar { row: place + 1, turn_deg: turn_rad.to_degrees() });
+                let (row, next, turn_deg) = (place + 1, place + 2, turn_rad.to_degrees());
+                let most = MOST_TURN_RAD.to_degrees();
+                return Err(Unfit::of_row(
+                    row,
+                    format!(
+                        "the body turns by {turn_deg:.0} deg between rows {row} and {next}; wanted at most {most:.0} deg for this interpolation: give denser rows"
+                    ),
+                ));
             }
         }
         let usable_ns = usable.ok_or(Unfit::NotUsable)?;
@@ -207,11 +192,9 @@ impl AttitudeHistory {
     /// Returns a history of these segments; their order is that of the file.
     pub(crate) fn new(format: &str, times: Times, segments: Vec<AttitudeSegment>) -> Result<Self, Unfit> {
         if segments.is_empty() {
-            return Err(Unfit::NoRows);
+            return Err(Unfit::of_all(NO_ROWS));
         }
-        if let Some(segment) = segments::overlapping(&segments, AttitudeSegment::usable_ns) {
-            return Err(Unfit::Overlap { segment });
-        }
+        segments::check_overlap(&segments, AttitudeSegment::usable_ns)?;
         let mut history = Self {
             format: format.into(),
             name: None,

@@ -1,4 +1,4 @@
-//! How the attitude goes between two rows of a file.
+//! Rows of attitudes, and how the attitude goes between two of them.
 //!
 //! | method | between rows `h` apart | error at most |
 //! |---|---|---|
@@ -13,7 +13,6 @@
 //! Rates of rotation vectors: `w = J(theta) dtheta/dt` with the right Jacobian of SO(3) (Sola et al. 2018, "A micro Lie
 //! theory", eq. 143, 144). Rates of quaternions: `w = -2 dq/dt q^-1`. Tests: `tests::attitude`.
 
-use crate::attitude_state::{AttitudeMotion, AttitudeState};
 use crate::newton::{MOST_NODES, Newton};
 use base::axes::{Body, Icrf, Rotation};
 use base::units::NS_PER_S;
@@ -219,4 +218,33 @@ impl InverseOfAnyNorm for DQuat {
 pub(crate) fn rate_of_derivative(body_from_icrf: DQuat, derivative: DQuat) -> DVec3 {
     let turn = derivative * body_from_icrf.inverse_of_any_norm();
     -2.0 * DVec3::new(turn.x, turn.y, turn.z)
+}
+
+/// One row of a file.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AttitudeState {
+    /// Nanoseconds: of TAI since 1970, or since a zero of the file's own ([`Times`](crate::Times)).
+    pub t_ns: i64,
+    /// Attitude.
+    pub body_from_icrf: Rotation<Body, Icrf>,
+    /// Rate of the body with respect to ICRF, body axes.
+    pub rate_rad_s: Option<DVec3>,
+}
+
+/// Attitude, rate and acceleration at one instant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AttitudeMotion {
+    /// Attitude.
+    pub body_from_icrf: Rotation<Body, Icrf>,
+    /// Rate of the body with respect to ICRF, body axes.
+    pub rate_rad_s: DVec3,
+    /// Derivative of the rate.
+    pub acceleration_rad_s2: DVec3,
+}
+
+impl AttitudeMotion {
+    /// Returns the motion of a body at rest.
+    pub fn at_rest(body_from_icrf: Rotation<Body, Icrf>) -> Self {
+        Self { body_from_icrf, rate_rad_s: DVec3::ZERO, acceleration_rad_s2: DVec3::ZERO }
+    }
 }

@@ -124,6 +124,28 @@ impl<'a> Table<'a> {
         lines.filter(|(_, line)| !line.is_empty()).map(|(number, line)| (number, split(line)))
     }
 
+    /// Reads the rows by segments: where the column `segment` changes, a new one begins.
+    pub(crate) fn segments<S>(
+        &self,
+        count: usize,
+        read: impl Fn(usize, &[&'a str]) -> Result<S, HistoryError>,
+    ) -> Result<Vec<Vec<S>>, HistoryError> {
+        let segment = self.column(&["segment"]);
+        let mut parts: Vec<(Option<&str>, Vec<S>)> = Vec::new();
+        for (line, row) in self.rows() {
+            if row.len() != count {
+                return Err(self.refuse(line, &format!("{} values", row.len()), &format!("{count} values in a row")));
+            }
+            let part = segment.and_then(|place| row.get(place).copied());
+            let state = read(line, &row)?;
+            match parts.last_mut().filter(|(last, _)| *last == part) {
+                Some((_, states)) => states.push(state),
+                None => parts.push((part, vec![state])),
+            }
+        }
+        Ok(parts.into_iter().map(|(_, states)| states).collect())
+    }
+
     /// Returns the error of a row.
     pub(crate) fn refuse(&self, line: usize, got: &str, wanted: &str) -> HistoryError {
         self.source.at_line(line, got, wanted)

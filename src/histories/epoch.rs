@@ -38,7 +38,7 @@ pub(crate) const WANTED_EPOCH: &str =
 /// TAI - GPS (IS-GPS-200).
 const TAI_LESS_GPS: Span = Span::from_ns(19 * NS_PER_S);
 /// J2000.0 on the count of TT since 1970.
-const J2000_TT_NS: i64 = (10_957 * 86_400 + 43_200) * NS_PER_S;
+pub(crate) const J2000_TT_NS: i64 = (10_957 * 86_400 + 43_200) * NS_PER_S;
 /// Years whose nanoseconds fit into 64 bits in every system.
 const YEARS: core::ops::RangeInclusive<i64> = 1680..=2260;
 
@@ -166,6 +166,12 @@ fn days_before_month(year: i64, month: i64) -> i64 {
     month_days(year).iter().zip(1..month).map(|(days, _)| days).sum()
 }
 
+/// Returns days from 1970-01-01 of a date; a day past the end of its month counts on.
+#[cfg(feature = "spice")]
+pub(crate) fn days_since_1970(year: i64, month: i64, day: i64) -> i64 {
+    days_before_year(year) + days_before_month(year, month) + day - 1
+}
+
 /// Days from 1970-01-01 to the first of a year, of the Gregorian calendar.
 fn days_before_year(year: i64) -> i64 {
     let leap_years = |year: i64| year.div_euclid(4) - year.div_euclid(100) + year.div_euclid(400);
@@ -180,7 +186,8 @@ pub(crate) fn utc_text(at: Tai) -> String {
 }
 
 /// Months of STK's dates.
-const MONTHS: [&str; 12] = ["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"];
+pub(crate) const MONTHS: [&str; 12] =
+    ["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"];
 
 /// Reads STK's `1 Jan 2026 00:00:00.000` (UTCG).
 pub(crate) fn read_stk_date(text: &str) -> Option<Tai> {

@@ -11,12 +11,12 @@
 //! | module | subject |
 //! |---|---|
 //! | [`read`] | which reader a file needs; bounds of its size |
-//! | `message`, `message_read` | one form of CCSDS messages; KVN and XML to it |
-//! | `aem`, `aem_frames`, `aem_row`, `oem` | that form to attitudes and orbits |
+//! | `message` | one form of CCSDS messages; KVN and XML to it |
+//! | `aem`, `aem_row`, `oem` | that form to attitudes and orbits |
 //! | `stk` | STK's attitude and ephemeris files |
-//! | `csv_attitude`, `csv_orbit` | tables with a header, and rows without one |
+//! | `csv`, `csv_table` | tables with a header, and rows without one |
 //! | `parquet_table` | tables in Parquet files (feature `parquet`) |
-//! | `contradiction`, `findings` | rates and velocities beside differences of rows; gaps, early ends |
+//! | `findings` | rates and velocities beside differences of rows; gaps, early ends |
 //! | `epoch`, `reference_axes` | time systems; axes, and the frame bias |
 //! | [`attitude`], [`orbit`] | the histories, their interpolation and its error |
 //! | `chebyshev` | series of SPICE kernels |
@@ -24,24 +24,17 @@
 //! | [mod@write] | all formats out |
 
 mod aem;
-mod aem_frames;
 mod aem_row;
 pub mod attitude;
 mod attitude_methods;
-mod attitude_state;
 #[cfg_attr(not(feature = "spice"), allow(dead_code, reason = "only SPICE kernels have series"))]
 mod chebyshev;
-mod contradiction;
-mod csv_attitude;
-mod csv_orbit;
+mod csv;
 mod csv_table;
 mod epoch;
 mod error;
 mod findings;
 mod message;
-mod message_kvn;
-mod message_read;
-mod message_xml;
 mod metadata;
 mod newton;
 mod oem;
@@ -54,19 +47,12 @@ mod segments;
 #[cfg(feature = "spice")]
 pub mod spice;
 mod stk;
-mod stk_attitude;
-mod stk_ephemeris;
 #[cfg(test)]
 mod tests;
 pub mod write;
-mod write_ccsds;
-mod write_csv;
-mod write_header;
-mod write_stk;
 
 pub use attitude::{AttitudeHistory, AttitudeSegment, Times};
-pub use attitude_methods::AttitudeInterpolation;
-pub use attitude_state::{AttitudeMotion, AttitudeState};
-pub use csv_attitude::Sense;
+pub use attitude_methods::{AttitudeInterpolation, AttitudeMotion, AttitudeState};
+pub use csv::Sense;
 pub use error::HistoryError;
 pub use orbit::{Centre, OrbitHistory, OrbitInterpolation, OrbitSegment, OrbitState};

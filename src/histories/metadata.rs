@@ -3,7 +3,7 @@
 use crate::epoch::{TimeSystem, WANTED_EPOCH, WANTED_SYSTEM};
 use crate::error::{HistoryError, Source};
 use crate::message::{Entry, Row, Segment};
-use crate::{attitude_methods::MOST_DEGREE, findings};
+use crate::{attitude_methods::MOST_DEGREE, findings, segments::Unfit};
 use base::time::Tai;
 
 /// The interpolation that a segment asks for.
@@ -60,6 +60,22 @@ impl<'m> Metadata<'m> {
     pub(crate) fn refuse_method(&self, entry: &Entry<'_>, degree: Option<usize>, wanted: &str) -> HistoryError {
         let degree = degree.map_or_else(|| "without a degree".to_owned(), |degree| format!("of degree {degree}"));
         self.source.refuse(entry.offset, &format!("{} = {} {degree}", entry.key, entry.value), wanted)
+    }
+
+    /// Returns the error of rows that make no segment.
+    pub(crate) fn unfit(&self, unfit: &Unfit) -> HistoryError {
+        let row = match unfit {
+            Unfit::Rows { row: Some(row), .. } => self.segment.rows.get(row - 1),
+            Unfit::Rows { row: None, .. } | Unfit::NotUsable => None,
+        };
+        self.source.because(row.map_or(self.segment.offset, |row| row.offset), &unfit.to_string())
+    }
+
+    /// Reads a value that is one of these words.
+    pub(crate) fn choice<T>(&self, key: &str, words: [(&str, T); 2], wanted: &str) -> Result<T, HistoryError> {
+        let entry = self.needed(key)?;
+        let found = words.into_iter().find(|(word, _)| *word == entry.value);
+        found.map(|(_, value)| value).ok_or_else(|| self.refuse(entry, wanted))
     }
 
     /// Reads the time system.
@@ -131,6 +147,15 @@ impl<'m> Metadata<'m> {
             }
         };
         Ok(Some(Wanted { name: method.value.to_ascii_uppercase(), degree, entry: method }))
+    }
+}
+
+/// Adds what is not yet in the notes.
+pub(crate) fn note<'s>(notes: &mut Vec<String>, said: impl IntoIterator<Item = &'s str>) {
+    for sentence in said {
+        if !notes.iter().any(|known| known == sentence) {
+            notes.push(sentence.into());
+        }
     }
 }
 

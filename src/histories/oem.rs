@@ -3,7 +3,7 @@
 
 use crate::error::{HistoryError, Source};
 use crate::message::{Encoding, Kind, Message, Row};
-use crate::metadata::{Metadata, Wanted, numbers};
+use crate::metadata::{Metadata, Wanted, note, numbers};
 use crate::orbit::{Centre, OrbitHistory, OrbitInterpolation, OrbitSegment, OrbitState, WANTED_CENTRE};
 use crate::reference_axes::{ReferenceAxes, WANTED_AXES};
 use crate::{epoch::TimeSystem, findings};
@@ -72,11 +72,7 @@ fn states(
     let system: TimeSystem = metadata.time_system()?;
     let entry = metadata.needed("REF_FRAME")?;
     let axes = ReferenceAxes::of_name(entry.value).ok_or_else(|| metadata.refuse(entry, WANTED_AXES))?;
-    for sentence in [system.note(), axes.note()].into_iter().flatten() {
-        if !notes.iter().any(|known| known == sentence) {
-            notes.push(sentence.into());
-        }
-    }
+    note(notes, [system.note(), axes.note()].into_iter().flatten());
     let states = segment.rows.iter().map(|row| {
         // Nine numbers: with accelerations, which are not needed.
         let (at, [x, y, z, vx, vy, vz, ..]) = numbers::<9>(source, row, system, &[6, 9])?;
@@ -89,10 +85,7 @@ fn states(
         warnings.extend(metadata.check_times(system, &times_ns)?);
     }
     let fit = OrbitSegment::new(states, method(metadata)?, metadata.usable_ns(system)?);
-    fit.map_err(|unfit| {
-        let row = unfit.row().and_then(|row| segment.rows.get(row - 1));
-        source.because(row.map_or(segment.offset, |row| row.offset), &unfit.to_string())
-    })
+    fit.map_err(|unfit| metadata.unfit(&unfit))
 }
 
 /// Returns the interpolation that the file asks for.

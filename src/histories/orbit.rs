@@ -5,9 +5,9 @@
 //! in position. Outside of its segments an orbit is not available.
 
 use crate::attitude_methods::{around, s_between};
-use crate::contradiction::{Comparison, Floor, Names, Step, compare};
+use crate::findings::{self, Comparison, Floor, Names, Step, compare};
+use crate::segments::{self, Unfit};
 use crate::{chebyshev::ChebyshevSeries, newton::Newton};
-use crate::{findings, segments};
 use core::fmt;
 use glam::DVec3;
 use std::sync::Arc;
@@ -137,27 +137,8 @@ pub struct OrbitHistory {
 const FLOOR: Floor = Floor { part: 0.01, value: 1e-4, most: f64::INFINITY };
 const NAMES: Names = Names { derivatives: "velocities", values: "positions", unit: "km/s", unit_is: 1.0 };
 
-/// Why rows make no orbit.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub(crate) enum UnfitOrbit {
-    #[error("a segment has {rows} rows; wanted two at least")]
-    TooFew { rows: usize },
-    #[error("row {row} is not after the one before it; wanted rising times: sort the rows, remove repeated ones")]
-    NotRising { row: usize },
-    #[error("segment {segment} begins before the one before it ends; wanted usable times that do not overlap")]
-    Overlap { segment: usize },
-    #[error("the usable interval has no row of the segment; wanted one that lies within its rows")]
-    NotUsable,
-}
-
-impl UnfitOrbit {
-    /// Returns the row that is meant, from 1.
-    pub(crate) fn row(&self) -> Option<usize> {
-        match self {
-            Self::NotRising { row } => Some(*row),
-            Self::TooFew { .. } | Self::Overlap { .. } | Self::NotUsable => None,
-        }
-    }
+fn too_few(rows: usize) -> Unfit {
+    Unfit::of_all(format!("a segment has {rows} rows; wanted two at least"))
 }
 
 impl OrbitSegment {
@@ -165,21 +146,21 @@ impl OrbitSegment {
         states: Vec<OrbitState>,
         method: OrbitInterpolation,
         usable_ns: [Option<i64>; 2],
-    ) -> Result<Self, UnfitOrbit> {
+    ) -> Result<Self, Unfit> {
         let ([first, .., last], true) = (states.as_slice(), states.len() > 1) else {
-            return Err(UnfitOrbit::TooFew { rows: states.len() });
+            return Err(too_few(states.len()));
         };
         let usable = segments::usable([first.t_ns, last.t_ns], usable_ns);
         if let Some(place) = states.windows(2).position(|pair| pair[0].t_ns >= pair[1].t_ns) {
-            return Err(UnfitOrbit::NotRising { row: place + 2 });
+            return Err(Unfit::not_rising(place + 2));
         }
-        let usable_ns = usable.ok_or(UnfitOrbit::NotUsable)?;
+        let usable_ns = usable.ok_or(Unfit::NotUsable)?;
         Ok(Self { states: states.into(), method, usable_ns, series: None })
     }
 
     /// Returns the segment of a series; its rows are the beginnings of the records, and the end.
     #[cfg(feature = "spice")]
-    pub(crate) fn of_series(series: ChebyshevSeries, usable_ns: [Option<i64>; 2]) -> Result<Self, UnfitOrbit> {
+    pub(crate) fn of_series(series: ChebyshevSeries, usable_ns: [Option<i64>; 2]) -> Result<Self, Unfit> {
         let state = |t_ns| {
             let [position_km, velocity_km_s] = series.at(t_ns);
             OrbitState { t_ns, position_km, velocity_km_s }
@@ -299,13 +280,11 @@ fn larger(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
 }
 
 impl OrbitHistory {
-    pub(crate) fn new(format: &str, centre: Centre, segments: Vec<OrbitSegment>) -> Result<Self, UnfitOrbit> {
+    pub(crate) fn new(format: &str, centre: Centre, segments: Vec<OrbitSegment>) -> Result<Self, Unfit> {
         if segments.is_empty() {
-            return Err(UnfitOrbit::TooFew { rows: 0 });
+            return Err(too_few(0));
         }
-        if let Some(segment) = segments::overlapping(&segments, |segment| segment.usable_ns) {
-            return Err(UnfitOrbit::Overlap { segment });
-        }
+        segments::check_overlap(&segments, |segment| segment.usable_ns)?;
         let mut history = Self {
             format: format.into(),
             name: None,
@@ -322,7 +301,7 @@ impl OrbitHistory {
 
     /// Returns an orbit of these segments; an instant that several of them have is that of the last one in the file.
     #[cfg(feature = "spice")]
-    pub(crate) fn layered(format: &str, centre: Centre, segments: &[OrbitSegment]) -> Result<Self, UnfitOrbit> {
+    pub(crate) fn layered(format: &str, centre: Centre, segments: &[OrbitSegment]) -> Result<Self, Unfit> {
         let intervals: Vec<segments::Interval> = segments.iter().map(|segment| segment.usable_ns).collect();
         let parts = segments::later_wins(&intervals).into_iter();
         let part =

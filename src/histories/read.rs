@@ -1,9 +1,8 @@
 //! Which reader a file needs, by its beginning and its name; and how large it may be.
 
-use crate::csv_attitude::{self, Sense};
+use crate::csv::{self, Sense};
 use crate::error::{HistoryError, Source};
-use crate::{aem, csv_orbit, oem, stk_attitude, stk_ephemeris};
-use crate::{attitude::AttitudeHistory, orbit::OrbitHistory};
+use crate::{aem, attitude::AttitudeHistory, oem, orbit::OrbitHistory, stk};
 use base::input_file::read_bytes;
 use std::{fs::File, io::Read, path::Path};
 
@@ -105,8 +104,8 @@ pub fn attitudes(file: &str, text: &str, sense: Option<Sense>) -> Result<Attitud
     }
     let mut history = match format {
         Format::Ccsds => aem::read(&source)?,
-        Format::Stk => stk_attitude::read(&source)?,
-        Format::Table => csv_attitude::read(&source, sense)?,
+        Format::Stk => stk::attitudes(&source)?,
+        Format::Table => csv::attitudes(&source, sense)?,
     };
     history.find_gaps();
     match history.contradiction() {
@@ -120,7 +119,7 @@ pub fn attitudes(file: &str, text: &str, sense: Option<Sense>) -> Result<Attitud
 /// # Errors
 /// With the file, the line, what was got and what was wanted.
 pub fn recorded_attitudes(file: &str, text: &str) -> Result<AttitudeHistory, HistoryError> {
-    csv_attitude::read(&Source { file, text }, None)
+    csv::attitudes(&Source { file, text }, None)
 }
 
 /// Reads a text of an orbit: CSV, OEM (KVN or XML), STK `.e`.
@@ -131,8 +130,8 @@ pub fn orbit(file: &str, text: &str) -> Result<OrbitHistory, HistoryError> {
     let source = Source { file, text };
     let mut history = match format_of(text) {
         Format::Ccsds => oem::read(&source)?,
-        Format::Stk => stk_ephemeris::read(&source)?,
-        Format::Table => csv_orbit::read(&source)?,
+        Format::Stk => stk::orbit(&source)?,
+        Format::Table => csv::orbit(&source)?,
     };
     history.find_gaps();
     match history.contradiction() {

@@ -39,10 +39,40 @@ pub(crate) fn later_wins(intervals: &[Interval]) -> Vec<(usize, Interval)> {
     left
 }
 
-/// Returns the number, from 1, of the first segment that begins before the one before it ends.
-pub(crate) fn overlapping<S>(segments: &[S], interval: fn(&S) -> Interval) -> Option<usize> {
+/// Why rows make no segment, or segments no history.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub(crate) enum Unfit {
+    #[error("the usable interval has no row of the segment; wanted one that lies within its rows")]
+    NotUsable,
+    #[error("{why}")]
+    Rows {
+        /// The row that is meant, from 1.
+        row: Option<usize>,
+        why: String,
+    },
+}
+
+impl Unfit {
+    pub(crate) fn of_row(row: usize, why: String) -> Self {
+        Self::Rows { row: Some(row), why }
+    }
+
+    pub(crate) fn of_all(why: impl Into<String>) -> Self {
+        Self::Rows { row: None, why: why.into() }
+    }
+
+    pub(crate) fn not_rising(row: usize) -> Self {
+        let wanted = "wanted rising times: sort the rows, remove repeated ones";
+        Self::of_row(row, format!("row {row} is not after the one before it; {wanted}"))
+    }
+}
+
+/// Refuses a segment that begins before the one before it ends.
+pub(crate) fn check_overlap<S>(segments: &[S], interval: fn(&S) -> Interval) -> Result<(), Unfit> {
     let overlaps = |pair: &[S]| interval(&pair[0])[1] > interval(&pair[1])[0];
-    segments.windows(2).position(overlaps).map(|place| place + 2)
+    let Some(place) = segments.windows(2).position(overlaps) else { return Ok(()) };
+    let wanted = "wanted usable times that do not overlap";
+    Err(Unfit::of_all(format!("segment {} begins before the one before it ends; {wanted}", place + 2)))
 }
 
 /// Returns the segment that an instant is in; `None` in gaps and outside. Does not allocate.

@@ -2,13 +2,21 @@
 //!
 //! A block `SegmentBoundaryTimes` inside says at which seconds nothing is interpolated across; rows of covariances, which
 //! follow those of the ephemeris, are passed over.
+//!
+//! Attitude files (`.a`) have quaternions from the reference axes to the body's, scalar last or first, with or without
+//! rates (deg/s, body axes); ephemeris files (`.e`) seconds, positions and velocities, in metres unless the file says
+//! kilometres.
 
+use crate::attitude::{AttitudeHistory, AttitudeSegment, Times};
+use crate::attitude_methods::{AttitudeInterpolation, AttitudeState, MOST_DEGREE};
 use crate::error::{HistoryError, Source};
 use crate::message::{Entry, Row};
-use crate::{
-    attitude_methods::MOST_DEGREE, csv_table::COUNTED_NS, epoch::read_stk_date, reference_axes::ReferenceAxes,
-};
+use crate::orbit::{Centre, OrbitHistory, OrbitInterpolation, OrbitSegment, OrbitState};
+use crate::segments::Unfit;
+use crate::{csv_table::COUNTED_NS, epoch::read_stk_date, newton::MOST_NODES, reference_axes::ReferenceAxes};
+use base::axes::{Rotation, WRITTEN_NORM_TOLERANCE};
 use base::time::{Span, Tai};
+use glam::{DQuat, DVec3};
 use std::borrow::Cow;
 
 /// One block.
@@ -176,4 +184,100 @@ const BOUNDARIES: &str = "SegmentBoundaryTimes";
 /// Returns whether a line begins so, whatever its capitals.
 fn starts(line: &str, begin: &str) -> bool {
     line.get(..begin.len()).is_some_and(|found| found.eq_ignore_ascii_case(begin))
+}
+
+/// Reads an attitude file (`.a`).
+pub(crate) fn attitudes(source: &Source<'_>) -> Result<AttitudeHistory, HistoryError> {
+    let block = Block::read(source, "Attitude", "NumberOfAttitudePoints")?;
+    let (epoch, axes) = (block.epoch()?, block.axes("CoordinateAxes")?);
+    let rows_are = block.rows_are.key.to_ascii_lowercase();
+    let (is_scalar_first, has_rates) = match rows_are.as_str() {
+        "attitudetimequaternions" => (false, false),
+        "attitudetimequatscalarfirst" => (true, false),
+        "attitudetimequatangvels" => (false, true),
+        _ => {
+            let wanted = "AttitudeTimeQuaternions, AttitudeTimeQuatScalarFirst or AttitudeTimeQuatAngVels: write the \
+                          attitude as quaternions, angles and matrices are not read";
+            return Err(block.refuse(&block.rows_are, wanted));
+        }
+    };
+    let states = block.rows.iter().map(|row| {
+        let (t_ns, [a, b, c, d, wx, wy, wz]) = if has_rates {
+            block.numbers::<7>(row, epoch)?
+        } else {
+            let (t_ns, [a, b, c, d]) = block.numbers::<4>(row, epoch)?;
+            (t_ns, [a, b, c, d, 0.0, 0.0, 0.0])
+        };
+        let given = if is_scalar_first { DQuat::from_xyzw(b, c, d, a) } else { DQuat::from_xyzw(a, b, c, d) };
+        if (given.length() - 1.0).abs() > WRITTEN_NORM_TOLERANCE {
+            return Err(source.refuse(row.offset, &row.text, "a quaternion whose norm is 1 within 0.001"));
+        }
+        let body_from_icrf = Rotation::from_quat(given.normalize().conjugate() * axes.rotation_from_icrf());
+        let rate_rad_s = has_rates.then(|| DVec3::new(wx, wy, wz).map(f64::to_radians));
+        Ok(AttitudeState { t_ns, body_from_icrf, rate_rad_s })
+    });
+    let states = states.collect::<Result<Vec<_>, HistoryError>>()?;
+    let method = match (block.degree("InterpolationOrder")?, has_rates) {
+        (Some(degree), _) if degree > 1 => AttitudeInterpolation::Lagrange(degree),
+        (Some(_) | None, true) => AttitudeInterpolation::CubicHermite,
+        (Some(_) | None, false) => AttitudeInterpolation::Slerp,
+    };
+    let unfit = |error: Unfit| source.whole(error.to_string());
+    let segments = block.segments(&states, epoch, |state| state.t_ns).into_iter();
+    let segments = segments.map(|states| AttitudeSegment::new(states, method, [None; 2])).collect::<Result<_, _>>();
+    let mut history = AttitudeHistory::new("STK attitude", Times::Absolute, segments.map_err(unfit)?).map_err(unfit)?;
+    history.notes.extend(axes.note().map(Into::into));
+    Ok(history)
+}
+
+/// Reads an ephemeris file (`.e`).
+pub(crate) fn orbit(source: &Source<'_>) -> Result<OrbitHistory, HistoryError> {
+    let block = Block::read(source, "Ephemeris", "NumberOfEphemerisPoints")?;
+    let (epoch, axes) = (block.epoch()?, block.axes("CoordinateSystem")?);
+    if !block.rows_are.key.eq_ignore_ascii_case("EphemerisTimePosVel") {
+        return Err(block.refuse(&block.rows_are, "EphemerisTimePosVel: positions with velocities"));
+    }
+    let centre = block.find("CentralBody").map(|entry| {
+        let known = Centre::of_name(entry.value);
+        known.ok_or_else(|| block.refuse(entry, "Earth, Moon or Sun"))
+    });
+    let centre = centre.transpose()?.unwrap_or(Centre::Earth);
+    let km = match block.find("DistanceUnit").map(|entry| (entry, entry.value.to_ascii_lowercase())) {
+        None => 1e-3,
+        Some((entry, unit)) => match unit.as_str() {
+            "meters" | "meter" | "m" => 1e-3,
+            "kilometers" | "kilometer" | "km" => 1.0,
+            _ => return Err(block.refuse(entry, "Meters or Kilometers")),
+        },
+    };
+    let states = block.rows.iter().map(|row| {
+        let (t_ns, [x, y, z, vx, vy, vz]) = block.numbers::<6>(row, epoch)?;
+        let [position_km, velocity_km_s] = [DVec3::new(x, y, z), DVec3::new(vx, vy, vz)].map(|v| axes.to_icrf(v * km));
+        Ok(OrbitState { t_ns, position_km, velocity_km_s })
+    });
+    let states = states.collect::<Result<Vec<_>, HistoryError>>()?;
+    let unfit = |error: Unfit| source.whole(error.to_string());
+    let method = method(&block)?;
+    let segments = block.segments(&states, epoch, |state| state.t_ns).into_iter();
+    let segments = segments.map(|states| OrbitSegment::new(states, method, [None; 2])).collect::<Result<_, _>>();
+    let mut history = OrbitHistory::new("STK ephemeris", centre, segments.map_err(unfit)?).map_err(unfit)?;
+    history.notes.extend(axes.note().map(Into::into));
+    Ok(history)
+}
+
+/// Returns the interpolation that the file asks for; cubic where it leaves it open.
+fn method(block: &Block<'_>) -> Result<OrbitInterpolation, HistoryError> {
+    let samples_less_1 = block.degree("InterpolationSamplesM1")?.or(block.degree("InterpolationOrder")?);
+    let Some(entry) = block.find("InterpolationMethod") else { return Ok(OrbitInterpolation::CUBIC) };
+    match (entry.value.to_ascii_lowercase().as_str(), samples_less_1) {
+        ("lagrange", Some(degree)) => Ok(OrbitInterpolation::Lagrange(degree)),
+        ("lagrange", None) => Ok(OrbitInterpolation::Lagrange(5)),
+        ("hermite", rows) if rows.unwrap_or(1) < MOST_NODES / 2 => {
+            Ok(OrbitInterpolation::Hermite { rows: rows.unwrap_or(1) + 1 })
+        }
+        _ => {
+            let wanted = format!("Lagrange, or Hermite with InterpolationSamplesM1 below {}", MOST_NODES / 2);
+            Err(block.refuse(entry, &wanted))
+        }
+    }
 }

@@ -24,7 +24,8 @@ const SPHERE_DEG2: f64 = 4.0 * PI / (DEG * DEG);
 /// Numbers of stars in the cells of the sky.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DensityMap {
-    order: u8,
+    /// The HEALPix order of its cells.
+    pub order: u8,
     /// Stars of each cell, nested.
     counts: Vec<u64>,
 }
@@ -73,11 +74,6 @@ impl DensityMap {
     /// Returns stars in it.
     pub fn stars(&self) -> u64 {
         self.counts.iter().sum()
-    }
-
-    /// Returns the HEALPix order of its cells.
-    pub fn order(&self) -> u8 {
-        self.order
     }
 
     /// Makes cells so coarse that the mean cell has enough stars to differ from its neighbours by more than noise.
@@ -164,7 +160,7 @@ mod tests {
         layers[1].cone(DVec3::Z, PI, 8.5, &mut found).unwrap();
         assert_eq!(some.stars(), layers[0].index().stars() + found.len() as u64, "a limit within a layer");
         let map = all.clone().coarsened();
-        assert_eq!((map.stars(), map.order(), all.order()), (all.stars(), 5, 6));
+        assert_eq!((map.stars(), map.order, all.order), (all.stars(), 5, 6));
         let scale = 4e5 / Population::new(&[8.0, 9.0], None, 1).unwrap().expected();
         for direction in [galactic(0.0, 0.0), galactic(0.0, 85.0), galactic(150.0, -30.0)] {
             let expected = Density::towards(direction).brighter_than(9.0) * scale;
@@ -188,7 +184,7 @@ mod tests {
         let mut bright = DensityMap::default();
         bright.add_catalog(&catalog, 5.0);
         assert!(bright.stars() < 2500 && bright.stars() > 1200, "{}", bright.stars());
-        assert_eq!(bright.coarsened().order(), COARSEST_ORDER);
+        assert_eq!(bright.coarsened().order, COARSEST_ORDER);
     }
 
     #[test]

@@ -182,8 +182,7 @@ mod tests {
     fn written(geometry: &Geometry) -> Camera {
         let document = Document::built_in(START).unwrap();
         let camera = Camera::from_document(&document).unwrap();
-        let background =
-            FittedBackground { sky_dn: 150.0, uniform_dn: 60.0, gradient: [0.1, 0.4], quadratic: -0.3, rms_dn: 1.0 };
+        let background = FittedBackground { sky_dn: 150.0, uniform_dn: 60.0, gradient: [0.1, 0.4], quadratic: -0.3 };
         let light = FittedLight { zero_e: 9e5, colour: [0.02, 0.05], errors: [0.01; 2], stars: 30, edge_mag: [0.0; 2] };
         let noise = PixelNoise { gain_e_per_dn: 2.75, read_dn: 1.6, black_dn: 0.0, most_dn: 4095.0 };
         let vignetting = Vignetting { window_radius_mm: 12.0, pupil_radius_mm: 9.2, distance_mm: 80.0 };

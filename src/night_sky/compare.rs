@@ -5,16 +5,15 @@
 
 use crate::detect::{self, Detection};
 use crate::draw::{Drawn, draw};
-use crate::field::{FieldStar, on_image};
 use crate::figures::{self, Pair};
 use crate::measure::{PixelNoise, Plate, Spot, measure};
 use crate::picture::{Flip, Picture};
 use crate::read::{self, ImageFile};
 use crate::result::{Comparison, conclude};
-use crate::sky_stars::{SkyStar, When, of_field, seen};
+use crate::sky_stars::{FieldStar, SkyStar, When, of_field, on_image, seen};
 use crate::solve::{BrightSky, LEAST_MATCHES, SCALE_TOLERANCES};
 use crate::{camera_text, limiting};
-use crate::{fitted::Fitted, geometry::Geometry, stamp::Stamp};
+use crate::{geometry::Geometry, measure::Stamp, result::Fitted};
 use base::axes::{Icrf, Rotation, Sensor, ra_dec_roll};
 use base::{refused::Refused, time::Tai};
 use config::{Camera, Document};
@@ -244,7 +243,7 @@ impl Comparer {
             path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
         );
         let fit = camera_text::Fit {
-            geometry: &fitted.geometry,
+            geometry: &fitted.placed.geometry,
             shape: fitted.psf.as_ref().map(|psf| psf.shape),
             light: fitted.light.as_ref(),
             vignetting: fitted.vignetting,
@@ -256,16 +255,16 @@ impl Comparer {
         // The file is read again: what is drawn is what is written.
         let camera = Camera::from_document(&Document::from_text(&text, &self.path))
             .map_err(|error| part("the fitted camera file", error.to_string()))?;
-        let attitude = self.options.attitude.unwrap_or(fitted.geometry.attitude);
+        let attitude = self.options.attitude.unwrap_or(fitted.placed.geometry.attitude);
         let drawn = draw(&camera, attitude, &self.sky, &self.when, SEED)
             .map_err(|error| part("drawing the field", format!("{error:#}")))?;
         let drawn_surface = detect::background(&drawn.picture);
         let stamp = fitted.psf.as_ref().map_or_else(|| Stamp::of(&self.params.psf), |psf| psf.stamp.clone());
         let plate = Plate { picture: &real, background: &surface, noise: fitted.noise };
         let drawn_plate = Plate { picture: &drawn.picture, background: &drawn_surface, noise: fitted.noise };
-        let field = self.field(path, &fitted.geometry)?;
+        let field = self.field(path, &fitted.placed.geometry)?;
         let places: Vec<[f64; 2]> = field.iter().map(|one| one.px).collect();
-        let of_drawn = Geometry { attitude, ..fitted.geometry };
+        let of_drawn = Geometry { attitude, ..fitted.placed.geometry };
         let drawn_places: Vec<[f64; 2]> =
             field.iter().map(|one| of_drawn.place(one.star.direction).unwrap_or([f64::NAN; 2])).collect();
         let (spots, drawn_spots) = (measure(&plate, &stamp, &places), measure(&drawn_plate, &stamp, &drawn_places));

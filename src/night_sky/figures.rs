@@ -148,10 +148,7 @@ pub struct EnergyFigures {
 
 /// Returns the ratio of light to noise of a star in 5 x 5 px, the noise from that of the frame beside.
 pub fn snr(plate: &Plate<'_>, spot: &Spot, noise_dn: f64) -> f64 {
-    let width = plate.picture.size_px[0];
-    let light =
-        |[x, y]: [usize; 2]| plate.picture.at(x, y) - f64::from(plate.background[y * width + x]) - spot.beside_dn;
-    let sum: f64 = window(spot.px, SNR_HALF_PX).map(light).sum();
+    let sum: f64 = light(plate, spot, SNR_HALF_PX).map(|(_, dn)| dn).sum();
     let pixels = (2 * SNR_HALF_PX + 1).pow(2) as f64;
     sum / (sum.max(0.0) / plate.noise.gain_e_per_dn + pixels * noise_dn * noise_dn).sqrt()
 }

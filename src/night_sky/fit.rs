@@ -4,13 +4,13 @@
 //! background -> zero point -> vignetting by the stars where they contradict -> background -> response.
 
 use crate::detect::{self, Detection};
-use crate::field::{FieldStar, TIE_SNR, clipped, rms_of, ties_of_detections, ties_of_spots};
-use crate::geometry::{FittedGeometry, Freedom, Geometry, Tie};
+use crate::geometry::{FittedGeometry, Freedom, Geometry, Tie, clipped, fitted_with_terms, rms_of};
 use crate::light_fit::{self, FittedLight, LitStar};
-use crate::measure::{PixelNoise, Plate, Spot, measure};
+use crate::measure::{PixelNoise, Plate, Spot, Stamp, measure};
 use crate::psf_fit::{self, FittedPsf};
 use crate::response::{Response, Tone, response};
-use crate::{compare::Comparer, fitted::Fitted, picture::Picture, stamp::Stamp, terms};
+use crate::sky_stars::{FieldStar, TIE_SNR, ties_of_detections, ties_of_spots};
+use crate::{compare::Comparer, picture::Picture, result::Fitted};
 use base::refused::Refused;
 use glam::DVec2;
 use plan::optics::{Illumination, illumination::Vignetting};
@@ -70,12 +70,8 @@ impl Comparer {
             lit.illumination.at(at * edge_tangent)
         });
         Ok(Fitted {
-            geometry,
+            placed: placed.fitted,
             freedom: placed.freedom,
-            focal_error_px: placed.fitted.focal_error_px,
-            second_radial_error: placed.fitted.second_radial_error,
-            axis_errors_px: placed.fitted.axis_errors_px,
-            stretch_error: placed.fitted.stretch_error,
             rms_without_air_px: placed.rms_without_air_px,
             psf: placed.psf,
             response: curve(&plate, &field, &spots),
@@ -106,7 +102,7 @@ impl Comparer {
                 stamp = fitted.stamp.clone();
             }
             let ties = ties_of_spots(&field, &measure(plate, &stamp, &places));
-            let (fitted, freedom) = terms::fitted(&self.unextended(&now), &ties, base)
+            let (fitted, freedom) = fitted_with_terms(&self.unextended(&now), &ties, base)
                 .ok_or_else(|| refused(path, "the geometry", "too few bright stars"))?;
             let rms_px = self.rms_without_air_px(&now, &ties, freedom);
             best = Some((fitted, freedom, rms_px));

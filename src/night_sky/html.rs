@@ -1,11 +1,14 @@
-//! Comparisons -> one HTML page with everything in it: tables, charts as SVG, pictures as data.
+//! Comparisons -> one HTML page with everything in it (tables, charts as SVG, pictures as data), and the files beside it.
 
+use crate::picture::{Picture, robust};
+use crate::report::{self, verdict};
 use crate::result::{Comparison, MOST_CENTROID_PX, MOST_ENERGY, MOST_MAG, MOST_NOISE};
-use crate::{compare::Compared, figures::ring_px, pictures::side_by_side, verdict::verdict};
+use crate::{compare::Compared, figures::ring_px};
 use base::xml::escaped;
 use core::fmt::Write;
 use frames::report::plot::{Axis, Chart, Series, Style, to_svg};
-use std::io;
+use frames::sink::png::write_grey8;
+use std::{io, path::Path};
 
 /// Pixels of the images that are one pixel of the page's pictures, along each side.
 const SHRINK: usize = 2;
@@ -18,10 +21,7 @@ const STYLE: &str = "body{font:15px/1.5 sans-serif;max-width:70em;margin:2em aut
     .yes{color:#060;font-weight:bold}.no{color:#a00;font-weight:bold}svg{max-width:100%;height:auto}";
 
 /// Returns the page.
-///
-/// # Errors
-/// When a picture cannot be encoded.
-pub fn page(compared: &[Compared], camera: &str) -> io::Result<String> {
+fn page(compared: &[Compared], camera: &str) -> io::Result<String> {
     let mut page = String::new();
     let verdict = verdict(compared);
     let class = if compared.iter().all(|one| one.result.agrees) { "yes" } else { "no" };
@@ -39,6 +39,30 @@ pub fn page(compared: &[Compared], camera: &str) -> io::Result<String> {
     }
     page.push_str("</body></html>\n");
     Ok(page)
+}
+
+/// Returns the files of a report, by name: the page, and for each image the fitted camera, pictures and star table.
+///
+/// # Errors
+/// When a picture cannot be encoded.
+pub fn files(compared: &[Compared], camera: &Path) -> io::Result<Vec<(String, Vec<u8>)>> {
+    let mut files = vec![("report.html".to_owned(), page(compared, &camera.display().to_string())?.into_bytes())];
+    let mut stems: Vec<String> = Vec::new();
+    for one in compared {
+        let stem = stem_of(&one.result.image, &stems);
+        files.push((format!("{stem}.camera.toml"), one.camera_text.clone().into_bytes()));
+        files.push((format!("{stem}.png"), side_by_side(&one.real, &one.drawn, 1)?));
+        files.push((format!("{stem}.stars.csv"), report::table(&one.result).into_bytes()));
+        stems.push(stem);
+    }
+    Ok(files)
+}
+
+/// Returns the name of an image without its folder and extension; with a number where another one has it.
+fn stem_of(image: &str, taken: &[String]) -> String {
+    let stem = Path::new(image).file_stem().map_or_else(|| "image".into(), |stem| stem.to_string_lossy().into_owned());
+    let numbered = (2..).map(|number| format!("{stem}_{number}"));
+    core::iter::once(stem.clone()).chain(numbered).find(|name| !taken.contains(name)).unwrap_or(stem)
 }
 
 /// Returns a table of the figures with their limits.
@@ -318,6 +342,53 @@ fn star_table(one: &Comparison) -> String {
     }
     text.push_str("</table></details>\n");
     text
+}
+
+/// Spreads above the middle that are white.
+const WHITE_SPREADS: f64 = 40.0;
+/// Spreads of the difference that are white or black.
+const DIFFERENCE_SPREADS: f64 = 5.0;
+/// Columns between two pictures, px.
+const GAP_PX: usize = 4;
+
+/// Returns real | drawn | difference as a PNG file; `shrink` pixels of each side become one, the brightest of them for
+/// the two images (stars stay visible), their mean for the difference.
+fn side_by_side(real: &Picture, drawn: &Picture, shrink: usize) -> io::Result<Vec<u8>> {
+    let mut sample: Vec<f64> = real.dn.iter().step_by(5).map(|dn| f64::from(*dn)).collect();
+    let [middle, spread] = robust(&mut sample);
+    let spread = spread.max(1.0);
+    // The same greys for both: asinh shows faint and bright stars.
+    let white = (WHITE_SPREADS / 3.0).asinh();
+    let grey = |dn: f64| (255.0 * (0.12 + 0.88 * ((dn - middle) / (3.0 * spread)).asinh() / white)).clamp(0.0, 255.0);
+    let difference = real.map(|i, dn| dn - drawn.dn[i]);
+    let mut sample: Vec<f64> = difference.dn.iter().step_by(5).map(|dn| f64::from(*dn)).collect();
+    let [_, noise] = robust(&mut sample);
+    let of_difference = |dn: f64| (127.5 * (1.0 + dn / (DIFFERENCE_SPREADS * noise.max(0.5)))).clamp(0.0, 255.0);
+    let highest = |values: &[f64]| values.iter().fold(f64::MIN, |a, b| a.max(*b));
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+    let [width, height] = real.size_px.map(|side| side / shrink.max(1));
+    let total = 3 * width + 2 * GAP_PX;
+    let mut bytes = vec![255; total * height];
+    let mut put = |number: usize, picture: &Picture, of: &dyn Fn(&[f64]) -> f64, grey: &dyn Fn(f64) -> f64| {
+        let mut block = Vec::with_capacity(shrink * shrink);
+        for y in 0..height {
+            for x in 0..width {
+                block.clear();
+                (0..shrink)
+                    .for_each(|dy| (0..shrink).for_each(|dx| block.push(picture.at(x * shrink + dx, y * shrink + dy))));
+                #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to a byte")]
+                {
+                    bytes[y * total + number * (width + GAP_PX) + x] = grey(of(&block)) as u8;
+                }
+            }
+        }
+    };
+    put(0, real, &highest, &grey);
+    put(1, drawn, &highest, &grey);
+    put(2, &difference, &mean, &of_difference);
+    let mut png = Vec::new();
+    write_grey8(&mut png, [total, height], &bytes)?;
+    Ok(png)
 }
 
 #[cfg(test)]

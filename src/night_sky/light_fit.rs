@@ -36,8 +36,6 @@ pub struct FittedBackground {
     pub gradient: [f64; 2],
     /// Its growth outwards, a share per half diagonal squared.
     pub quadratic: f64,
-    /// Rms distance of the frame's background from this, DN.
-    pub rms_dn: f64,
 }
 
 /// Zero point and colours.
@@ -178,12 +176,7 @@ pub fn background(picture: &Picture, surface: &[f32], black_dn: f64, lit: impl F
     sky_dn = sky_dn.max(0.0);
     let least = 1e-6;
     let share = |g: f64| if uniform_dn > least { (g / uniform_dn).clamp(-1.0, 1.0) } else { 0.0 };
-    let gradient = [share(gx), share(gy)];
-    let at_place = |at: &DVec2, lit: f64| {
-        sky_dn * lit + uniform_dn * (1.0 + gradient[0] * at.x + gradient[1] * at.y + quadratic * at.length_squared())
-    };
-    let rms_dn = crate::picture::rms(places.iter().map(|(at, lit, dn)| dn - at_place(at, *lit)));
-    FittedBackground { sky_dn, uniform_dn, gradient, quadratic, rms_dn }
+    FittedBackground { sky_dn, uniform_dn, gradient: [share(gx), share(gy)], quadratic }
 }
 
 /// Mean and variance of the cells of a frame, DN and DN^2; stars are left out.

@@ -2,8 +2,6 @@
 //!
 //! Limits: some ten parameters; a column that changes nothing is refused. Test below.
 
-use glam::DVec3;
-
 /// A solution.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Fitted {
@@ -26,7 +24,7 @@ const LEAST_GAIN: f64 = 1e-10;
 pub(crate) fn fit(start: &[f64], steps: &[f64], residuals: impl Fn(&[f64]) -> Vec<f64>) -> Option<Fitted> {
     let (mut values, mut damping) = (start.to_vec(), 1e-3);
     let mut now = residuals(&values);
-    let mut chi2 = sum_of_squares(&now);
+    let mut chi2 = dot(&now, &now);
     for _ in 0..MOST_STEPS {
         let (normal, gradient) = equations(&values, steps, &now, &residuals);
         let mut gained = 0.0;
@@ -36,7 +34,7 @@ pub(crate) fn fit(start: &[f64], steps: &[f64], residuals: impl Fn(&[f64]) -> Ve
             let step = solve(&damped, &gradient)?;
             let tried: Vec<f64> = values.iter().zip(&step).map(|(value, step)| value - step).collect();
             let then = residuals(&tried);
-            let then_chi2 = sum_of_squares(&then);
+            let then_chi2 = dot(&then, &then);
             if then_chi2 < chi2 {
                 gained = chi2 - then_chi2;
                 (values, now, chi2) = (tried, then, then_chi2);
@@ -50,11 +48,7 @@ pub(crate) fn fit(start: &[f64], steps: &[f64], residuals: impl Fn(&[f64]) -> Ve
         }
     }
     let (normal, _) = equations(&values, steps, &now, &residuals);
-    let error = |i: usize| {
-        let unit: Vec<f64> = (0..values.len()).map(|k| if k == i { 1.0 } else { 0.0 }).collect();
-        solve(&normal, &unit).map(|column| column[i].max(0.0).sqrt())
-    };
-    let errors = (0..values.len()).map(error).collect::<Option<Vec<_>>>()?;
+    let errors = errors_of(&normal)?;
     chi2.is_finite().then_some(Fitted { values, errors, chi2 })
 }
 
@@ -79,16 +73,21 @@ fn equations(
     (normal, columns.iter().map(|column| dot(column, now)).collect())
 }
 
+/// Returns the standard errors of the parameters: roots of the diagonal of the normal matrix's inverse.
+fn errors_of(normal: &[Vec<f64>]) -> Option<Vec<f64>> {
+    let error = |i: usize| {
+        let unit: Vec<f64> = (0..normal.len()).map(|k| if k == i { 1.0 } else { 0.0 }).collect();
+        solve(normal, &unit).map(|column| column[i].max(0.0).sqrt())
+    };
+    (0..normal.len()).map(error).collect()
+}
+
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-fn sum_of_squares(values: &[f64]) -> f64 {
-    dot(values, values)
-}
-
 /// Returns the solution of a symmetric positive definite system (Cholesky), scaled by its diagonal.
-pub(crate) fn solve(matrix: &[Vec<f64>], right: &[f64]) -> Option<Vec<f64>> {
+fn solve(matrix: &[Vec<f64>], right: &[f64]) -> Option<Vec<f64>> {
     let count = right.len();
     let scale: Vec<f64> = (0..count).map(|i| matrix[i][i].sqrt()).collect();
     if scale.iter().any(|value| !(value.is_finite() && *value > 0.0)) {
@@ -129,18 +128,9 @@ pub(crate) fn linear(rows: &[Vec<f64>], values: &[f64], weights: &[f64]) -> Opti
     let right: Vec<f64> =
         (0..count).map(|i| rows.iter().zip(values).zip(weights).map(|((row, v), w)| w * row[i] * v).sum()).collect();
     let solution = solve(&normal, &right)?;
-    let error = |i: usize| {
-        let unit: Vec<f64> = (0..count).map(|k| if k == i { 1.0 } else { 0.0 }).collect();
-        solve(&normal, &unit).map(|column| column[i].max(0.0).sqrt())
-    };
-    let errors = (0..count).map(error).collect::<Option<Vec<_>>>()?;
+    let errors = errors_of(&normal)?;
     let left = rows.iter().zip(values).zip(weights).map(|((row, v), w)| w * (v - dot(row, &solution)).powi(2));
     Some(Fitted { chi2: left.sum(), errors, values: solution })
-}
-
-/// Returns a vector of the first three parameters.
-pub(crate) fn first_three(values: &[f64]) -> DVec3 {
-    DVec3::new(values[0], values[1], values[2])
 }
 
 #[cfg(test)]

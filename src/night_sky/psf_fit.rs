@@ -4,7 +4,7 @@
 //! background beside. Where two are nearly as good, the one with fewer parameters is taken.
 
 use crate::measure::{Plate, Spot};
-use crate::{figures::energy_weight, picture::window, stamp::Stamp};
+use crate::{figures::energy_weight, measure::Stamp, picture::window};
 use plan::optics::PsfModel;
 
 /// Half-width of the square that is fitted, px.

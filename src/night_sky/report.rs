@@ -1,9 +1,8 @@
-//! Comparisons -> text, JSON, files.
+//! Comparisons -> the verdict over all frames, text, JSON, tables of stars.
 
+use crate::compare::Compared;
 use crate::result::{Comparison, SCHEMA_VERSION, most_outliers};
-use crate::{compare::Compared, html::page, pictures::side_by_side, verdict::verdict};
 use core::fmt::Write;
-use std::{io, path::Path};
 
 /// Returns the comparisons as JSON.
 ///
@@ -140,31 +139,8 @@ fn worst_lines(text: &mut String, one: &Comparison) -> core::fmt::Result {
     Ok(())
 }
 
-/// Returns the files of a report, by name: the page, and for each image the fitted camera, pictures and star table.
-///
-/// # Errors
-/// When a picture cannot be encoded.
-pub fn files(compared: &[Compared], camera: &Path) -> io::Result<Vec<(String, Vec<u8>)>> {
-    let mut files = vec![("report.html".to_owned(), page(compared, &camera.display().to_string())?.into_bytes())];
-    let mut stems: Vec<String> = Vec::new();
-    for one in compared {
-        let stem = stem_of(&one.result.image, &stems);
-        files.push((format!("{stem}.camera.toml"), one.camera_text.clone().into_bytes()));
-        files.push((format!("{stem}.png"), side_by_side(&one.real, &one.drawn, 1)?));
-        files.push((format!("{stem}.stars.csv"), table(&one.result).into_bytes()));
-        stems.push(stem);
-    }
-    Ok(files)
-}
-
-/// Returns the name of an image without its folder and extension; with a number where another one has it.
-fn stem_of(image: &str, taken: &[String]) -> String {
-    let stem = Path::new(image).file_stem().map_or_else(|| "image".into(), |stem| stem.to_string_lossy().into_owned());
-    let numbered = (2..).map(|number| format!("{stem}_{number}"));
-    core::iter::once(stem.clone()).chain(numbered).find(|name| !taken.contains(name)).unwrap_or(stem)
-}
-
-fn table(one: &Comparison) -> String {
+/// Returns the table of the stars as CSV.
+pub(crate) fn table(one: &Comparison) -> String {
     let mut text =
         "mag_g,bp_rp,x_px,y_px,dx_px,dy_px,dmag,snr,drawn_dx_px,drawn_dy_px,drawn_dmag,name,outlier\n".to_owned();
     for star in &one.star_rows {
@@ -187,4 +163,36 @@ fn table(one: &Comparison) -> String {
         );
     }
     text
+}
+
+/// Returns the verdict: one line.
+pub fn verdict(compared: &[Compared]) -> String {
+    let good = compared.iter().filter(|one| one.result.agrees).count();
+    if good == compared.len() {
+        let worst = |of: fn(&Comparison) -> f64| compared.iter().map(|one| of(&one.result)).fold(0.0, f64::max);
+        let outliers = match compared.iter().map(|one| one.result.outliers).sum::<usize>() {
+            0 => String::new(),
+            1 => " (without 1 outlier)".into(),
+            count => format!(" (without {count} outliers)"),
+        };
+        format!(
+            "AGREES: {good} of {good} images: centroids within {:.3} px rms, magnitudes {:.3}{outliers}, noise {:.1} %, energy {:.1} %",
+            worst(|one| one.centroid_robust_px),
+            worst(|one| one.mag_robust),
+            100.0 * worst(|one| (one.background_noise_ratio - 1.0).abs()),
+            100.0 * worst(|one| one.ensquared_energy_difference.abs())
+        )
+    } else {
+        let first = compared.iter().find(|one| !one.result.agrees);
+        let why = first.map_or_else(String::new, |one| format!("{}: {}", one.result.image, reasons(&one.result)));
+        format!("DOES NOT AGREE: {} of {} images; {why}", compared.len() - good, compared.len())
+    }
+}
+
+/// Returns what one image fails, and what limits it.
+fn reasons(one: &Comparison) -> String {
+    // Noise explains no failure of an image whose places are within their limit.
+    let is_cause = |words: &&String| !words.starts_with("noise") || one.centroid_robust_px > one.centroid_limit_px;
+    let limits = one.limited_by.iter().filter(is_cause).map(|words| format!("limited by {words}"));
+    one.failures.iter().cloned().chain(limits).collect::<Vec<_>>().join("; ")
 }

@@ -1,13 +1,17 @@
-//! Figures of one frame, their limits, and whether they are within them.
+//! All that is fitted to one frame, its figures, their limits, and whether they are within them.
 //!
 //! Outliers are named and counted, the figures without them are judged ([`crate::outliers`]). Limits of places and magnitudes
 //! are a fixed part and the drawn frame's own distances from its truth (noise and method), added as squares.
 
 use crate::figures::{BackgroundFigures, EnergyFigures, Pair, SnrRow, StarRow};
+use crate::geometry::{FittedGeometry, Freedom, stretch_axis};
+use crate::light_fit::{FittedBackground, FittedLight};
 use crate::outliers::{self, Candidate, WorstStar, worst};
 use crate::picture::{Flip, mean, rms};
-use crate::{fitted::Fitted, geometry::stretch_axis, psf_fit::Shape};
+use crate::psf_fit::{FittedPsf, Shape};
+use crate::{measure::PixelNoise, response::Response};
 use config::Camera;
+use plan::optics::illumination::Vignetting;
 use serde::Serialize;
 use std::path::Path;
 
@@ -204,7 +208,7 @@ pub(crate) fn conclude(parts: &Parts<'_>) -> Comparison {
     let [ra, dec, roll] = parts.ra_dec_roll.map(f64::to_degrees);
     let (light, pitch_mm) = (fitted.light.as_ref(), parts.camera.detector.pixel_pitch_um * 1e-3);
     let counted_snr = parts.snr.iter().filter(|row| row.real > COUNTED_SNR);
-    let (vertical_deg, stretch) = stretch_axis(fitted.geometry.stretch);
+    let (vertical_deg, stretch) = stretch_axis(fitted.placed.geometry.stretch);
     let mut comparison = Comparison {
         image: parts.path.display().to_string(),
         agrees: true,
@@ -233,12 +237,12 @@ pub(crate) fn conclude(parts: &Parts<'_>) -> Comparison {
         left_out,
         missing: parts.pairs.iter().filter(|pair| is_missing(pair)).count(),
         attitude_given: parts.is_given,
-        focal_length_mm: [fitted.geometry.focal_px * pitch_mm, fitted.focal_error_px * pitch_mm],
-        k1: fitted.geometry.distortion.k1,
-        k2: fitted.geometry.distortion.k2,
-        k2_error: fitted.freedom.second_radial.then_some(fitted.second_radial_error),
-        principal_point_px: fitted.geometry.centre_px,
-        principal_point_errors_px: fitted.freedom.axis.then_some(fitted.axis_errors_px),
+        focal_length_mm: [fitted.placed.geometry.focal_px * pitch_mm, fitted.placed.focal_error_px * pitch_mm],
+        k1: fitted.placed.geometry.distortion.k1,
+        k2: fitted.placed.geometry.distortion.k2,
+        k2_error: fitted.freedom.second_radial.then_some(fitted.placed.second_radial_error),
+        principal_point_px: fitted.placed.geometry.centre_px,
+        principal_point_errors_px: fitted.freedom.axis.then_some(fitted.placed.axis_errors_px),
         psf: fitted.psf.as_ref().map_or_else(|| "kept".into(), |psf| words(psf.shape)),
         psf_chi2: fitted.psf.as_ref().map_or(f64::NAN, |psf| psf.chi2_per_pixel),
         zero_point_e: light.map_or(f64::NAN, |light| light.zero_e),
@@ -253,7 +257,7 @@ pub(crate) fn conclude(parts: &Parts<'_>) -> Comparison {
         read_noise_e: fitted.noise.read_dn * fitted.noise.gain_e_per_dn,
         refraction: parts.is_ground.then_some(Refraction {
             stretch,
-            stretch_error: fitted.stretch_error,
+            stretch_error: fitted.placed.stretch_error,
             vertical_deg,
             rms_without_px: fitted.rms_without_air_px,
         }),
@@ -352,4 +356,22 @@ fn words(shape: Shape) -> String {
             )
         }
     }
+}
+
+/// All that was fitted to a frame.
+pub(crate) struct Fitted {
+    pub placed: FittedGeometry,
+    /// The terms that were fitted.
+    pub freedom: Freedom,
+    /// Rms distance of the stars above the SNR of ties along an axis without the stretch, px.
+    pub rms_without_air_px: f64,
+    pub psf: Option<FittedPsf>,
+    pub light: Option<FittedLight>,
+    pub vignetting: Option<Vignetting>,
+    /// The vignetting is that of the stars, not of the background.
+    pub is_lit_by_stars: bool,
+    pub response: Option<Response>,
+    pub background: FittedBackground,
+    pub noise: PixelNoise,
+    pub transfer: Option<[f64; 2]>,
 }

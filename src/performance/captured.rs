@@ -17,8 +17,8 @@ use crate::record::LogRow;
 use anyhow::{Context, Result, bail};
 use base::time::{Span, Tai};
 use glam::DQuat;
-use telemetry::reading::{CanOpenReader, CcsdsReader, Measured, Nos3Reader, Reader, SagittaReader};
-use telemetry::{Sense, Wire};
+use telemetry::reading::{Measured, Reader};
+use telemetry::{Sense, Wire, canopen::CanOpenReader, ccsds::CcsdsReader, nos3::Nos3Reader, sagitta::SagittaReader};
 
 /// The CANopen node that a bench has without another number.
 const USUAL_NODE: u8 = 96;

@@ -91,12 +91,12 @@ impl DataSet {
     fn drawn(&self, number: u32) -> Result<(Item, String), String> {
         let mut kept = self.studio.lock().unwrap_or_else(PoisonError::into_inner);
         let shard = self.spec.shard_of(number);
-        let mut studio = match kept.take().filter(|studio| studio.shard() == shard) {
+        let mut studio = match kept.take().filter(|studio| studio.shard == shard) {
             Some(studio) => studio,
             None => Studio::new(&self.spec, shard).map_err(|error| format!("{error:#}"))?,
         };
         let item = studio.item(number).map_err(|error| format!("{error:#}"));
-        let drawn_keys = studio.drawn_keys().to_owned();
+        let drawn_keys = studio.drawn_keys.clone();
         *kept = Some(studio);
         let item = item?;
         let file = ImageFiles::place(self.spec.output.images, shard, number);

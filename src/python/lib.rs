@@ -5,7 +5,6 @@
 //! Tests: `hil_scripts/test_python.py`.
 
 mod camera;
-mod columns;
 mod data_set;
 mod errors;
 mod frame;

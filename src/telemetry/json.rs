@@ -5,7 +5,7 @@
 //! "ping"}`, `"operate"`, `"standby"`, `"reset"`, and `{"command": "exposure", "exposure_ms": 40}`; each is answered by
 //! an object with `reply`, `ok` and, where it is refused, `error`.
 
-use crate::quaternion::Continuity;
+use crate::device::Continuity;
 use crate::{Answered, Device, Limits, Mode, Order, Report, Sense, Wire};
 use base::{time::Tai, units::ARCSEC};
 use serde_json::{Value, json};

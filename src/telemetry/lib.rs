@@ -18,12 +18,10 @@ pub mod ccsds;
 mod device;
 pub mod json;
 pub mod nos3;
-mod quaternion;
 pub mod reading;
 pub mod sagitta;
 
-pub use device::{Answered, Device, Limits, Mode, Order, Report, Wire};
-pub use quaternion::Sense;
+pub use device::{Answered, Device, Limits, Mode, Order, Report, Sense, Wire};
 
 #[cfg(test)]
 mod sample;

@@ -9,8 +9,11 @@
 //!
 //! `Differs:` code 3, "configure", which the simulator there refuses, takes orders here: 0 begins again, 1 pauses, 2
 //! operates, and more is an exposure time in microseconds. What is refused gets no echo.
+//!
+//! [`Nos3Reader`] reads the answers to requests of data, which have no time tag. Echoes and housekeeping, of nine and eight bytes, are passed over: their ends are elsewhere.
 
-use crate::quaternion::Continuity;
+use crate::device::Continuity;
+use crate::reading::{Measured, Reader, unit};
 use crate::{Answered, Device, Limits, Order, Report, Sense, Wire};
 use base::time::Tai;
 
@@ -129,6 +132,44 @@ impl Device for Nos3Device {
 
     fn answered(&self) -> Answered {
         self.answered
+    }
+}
+
+/// Bytes of an answer.
+const ANSWER_BYTES: usize = 13;
+
+/// Reads a NOS3 star tracker.
+#[derive(Debug, Default)]
+pub struct Nos3Reader {
+    window: Vec<u8>,
+    damaged: u64,
+}
+
+impl Reader for Nos3Reader {
+    fn take(&mut self, wire: &Wire, at: Tai, out: &mut Vec<Measured>) {
+        let Wire::Bytes(bytes) = wire else { return };
+        for byte in bytes {
+            self.window.push(*byte);
+            if self.window.len() < ANSWER_BYTES {
+                continue;
+            }
+            let [0xDE, 0xAD, a, b, c, d, e, f, g, h, validity, 0xBE, 0xEF] = self.window[..] else {
+                self.window.remove(0);
+                continue;
+            };
+            self.window.clear();
+            let [x, y, z, w] = [[a, b], [c, d], [e, f], [g, h]].map(|two| from_wire(u16::from_be_bytes(two)));
+            let attitude = unit(Sense::Conjugate.of([w, x, y, z])).filter(|_| validity == 1);
+            if validity > 1 || (validity == 1 && attitude.is_none()) {
+                self.damaged += 1;
+                continue;
+            }
+            out.push(Measured { at, time_tag: None, frame: None, attitude_wxyz: attitude, stars: None });
+        }
+    }
+
+    fn damaged(&self) -> u64 {
+        self.damaged
     }
 }
 

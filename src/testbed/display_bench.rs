@@ -193,7 +193,8 @@ impl BenchTruth {
 /// A bench at work.
 #[derive(Debug)]
 pub struct DisplayBench {
-    truth: BenchTruth,
+    /// The truth.
+    pub truth: BenchTruth,
     noise: Gaussian,
     /// Electrons of every tracker pixel when all of the display is full.
     full_level_e: Vec<f64>,
@@ -215,11 +216,6 @@ impl DisplayBench {
         };
         let full_level_e = places.map(level).collect();
         Self { noise: Gaussian::new(truth.seed), truth, full_level_e }
-    }
-
-    /// Returns the truth.
-    pub fn truth(&self) -> &BenchTruth {
-        &self.truth
     }
 
     /// Returns one frame of greys; `None`: the display is off.

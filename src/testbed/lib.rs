@@ -18,5 +18,4 @@ pub mod tracker_model;
 /// Spacecraft, sensors, estimator and control, closed over frames.
 pub mod vehicle;
 
-mod attitude_truth;
 mod noise;

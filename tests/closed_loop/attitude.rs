@@ -68,7 +68,7 @@ fn frames_drawn_ahead_show_where_the_sensor_will_point() {
 #[test]
 fn the_flight_computer_receives_every_frame() {
     let run = run(&built_in(2.0));
-    let received = run.computer.received();
+    let received = &run.computer.received;
     // The run ends when the last frame has been read out: its messages have arrived by then.
     assert_eq!(received.exposures, 20, "EXPOSURE per frame");
     assert!(received.status_pages >= 38, "STATUS pages: {}", received.status_pages);

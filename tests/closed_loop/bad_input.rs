@@ -55,7 +55,7 @@ fn stopped_stream_leaves_frames_out_when_the_policy_says_so() {
     assert_eq!(run.frames.len() as u64 + missing, 30);
     assert!(run.frames.iter().all(|frame| frame.meta.origin.name() != "held"), "never a held sky");
     assert_eq!(record.ledger.count(EventKind::AttitudeHeld), 0);
-    let reported = run.computer.received().last_status.unwrap().value;
+    let reported = run.computer.received.last_status.unwrap().value;
     assert!(matches!(reported, StatusPage::State { mode: StimulatorMode::Stopped, .. }), "{reported:?}");
 }
 

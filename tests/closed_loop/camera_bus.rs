@@ -101,7 +101,7 @@ fn fly(bench: &Bench, said: &[(f64, Said)]) -> Flown {
         },
     );
     assert!(outcome.error.is_none(), "{:?}", outcome.error.map(|error| error.to_string()));
-    Flown { start, outcome, frames, answers: computer.camera_answers(), received: *computer.received() }
+    Flown { start, outcome, frames, answers: computer.camera_answers(), received: computer.received }
 }
 
 /// Returns the light of the middle one of the frames with these settings.

@@ -114,7 +114,7 @@ fn stray_light_takes_the_stars_and_gives_them_back() {
     let zero = going.times().zero;
     let mut stars_at = |seconds: f64| {
         going.advance_to(zero + base::time::Span::from_s(seconds), &mut |_, _, _| true).unwrap();
-        let reports: Vec<_> = going.with_vehicle(|v| v.head_reports().copied().collect::<Vec<_>>()).unwrap();
+        let reports: Vec<_> = going.with_vehicle(|v| v.heads.reports().copied().collect::<Vec<_>>()).unwrap();
         match reports[0].last {
             Some(testbed::tracker::Outcome::Solved(solution)) => solution.stars,
             _ => 0,

@@ -7,7 +7,6 @@ use frames::sink::NullSink;
 use glam::{DMat3, DVec3};
 use run::wiring::stepped::SteppedRun;
 use std::path::Path;
-use testbed::vehicle::Vehicle;
 
 /// Effect of flexible modes and disturbances relative to a torque of 10 mN m over seconds.
 const MECHANICS: f64 = 0.05;
@@ -37,7 +36,7 @@ fn step_to(run: &mut SteppedRun, s: f64) {
 }
 
 fn rate(run: &SteppedRun) -> DVec3 {
-    run.with_vehicle(|vehicle| vehicle.flown_truth(vehicle.flown_until()).unwrap().rate_rad_s).unwrap()
+    run.with_vehicle(|vehicle| vehicle.plant.flown_truth(vehicle.plant.flown_until()).unwrap().rate_rad_s).unwrap()
 }
 
 fn inertia() -> DMat3 {
@@ -66,7 +65,7 @@ fn a_torque_from_outside_turns_the_body_by_its_impulse() {
 fn wheels_driven_outside_give_the_body_what_they_take() {
     let mut run = begun();
     let (before, torque) = (rate(&run), 0.008);
-    let speeds = |run: &SteppedRun| run.with_vehicle(|vehicle| vehicle.wheel_speeds_rad_s().to_vec()).unwrap();
+    let speeds = |run: &SteppedRun| run.with_vehicle(|vehicle| vehicle.plant.wheel_speeds_rad_s().to_vec()).unwrap();
     let speeds_before = speeds(&run);
     let drive = |run: &mut SteppedRun, torques: &[f64], s: f64| {
         let at = run.times().zero + Span::from_s(s);
@@ -101,7 +100,7 @@ fn wheels_driven_outside_give_the_body_what_they_take() {
 /// Flies a proportional and differential law on the true attitude, ten times a second, against a constant torque.
 fn flown_outside(has_control: bool) -> f64 {
     let mut run = begun();
-    let target = run.with_vehicle(Vehicle::target).unwrap();
+    let target = run.with_vehicle(|vehicle| vehicle.target).unwrap();
     let (inertia, axes) = (inertia(), wheel_axes());
     let from = run.times().zero + Span::from_s(0.5);
     let torque = DVec3::new(1e-3, 0.0, 0.0);
@@ -109,7 +108,8 @@ fn flown_outside(has_control: bool) -> f64 {
     let mut error_rad = 0.0;
     for step in 1..=300 {
         step_to(&mut run, 0.1 * f64::from(step));
-        let truth = run.with_vehicle(|vehicle| vehicle.flown_truth(vehicle.flown_until()).unwrap()).unwrap();
+        let truth =
+            run.with_vehicle(|vehicle| vehicle.plant.flown_truth(vehicle.plant.flown_until()).unwrap()).unwrap();
         let error = truth.body_from_icrf.rotation_vector_to(&target);
         error_rad = error.length();
         if has_control {
@@ -145,8 +145,8 @@ fn sighted_outside(offset: DVec3) -> (f64, bool) {
         step_to(&mut run, 0.2 * f64::from(step));
         let (at, truth) = run
             .with_vehicle(|vehicle| {
-                let at = vehicle.flown_until().min(run.now());
-                (at, vehicle.flown_truth(at).unwrap().body_from_icrf)
+                let at = vehicle.plant.flown_until().min(run.now());
+                (at, vehicle.plant.flown_truth(at).unwrap().body_from_icrf)
             })
             .unwrap();
         let seen = truth.rotated_by(offset);
@@ -155,9 +155,9 @@ fn sighted_outside(offset: DVec3) -> (f64, bool) {
         taken.unwrap().unwrap();
     }
     run.with_vehicle(|vehicle| {
-        let truth = vehicle.flown_truth(vehicle.estimate_at()).unwrap().body_from_icrf;
+        let truth = vehicle.plant.flown_truth(vehicle.estimate_at()).unwrap().body_from_icrf;
         let error = vehicle.estimate().map(|estimate| truth.rotation_vector_to(&estimate).length() / ARCSEC);
-        (error.unwrap(), vehicle.head_reports().all(|report| report.last.is_none()))
+        (error.unwrap(), vehicle.heads.reports().all(|report| report.last.is_none()))
     })
     .unwrap()
 }
@@ -170,7 +170,7 @@ fn attitudes_of_a_tracker_outside_reach_the_estimator() {
     let (error, _) = sighted_outside(DVec3::X * 300.0 * ARCSEC);
     assert!((error - 300.0).abs() < 10.0, "control: it believes what it is sent: {error} arcsec");
     let mut run = begun();
-    let (zero, truth) = (run.times().zero, run.with_vehicle(|vehicle| vehicle.target()).unwrap());
+    let (zero, truth) = (run.times().zero, run.with_vehicle(|vehicle| vehicle.target).unwrap());
     for (at_s, sigma, part) in [(0.5, 1e-5, "time tag"), (-2.5, 1e-5, "time tag"), (0.0, 0.0, "sigma")] {
         let at = zero + Span::from_s(at_s);
         let refused = run.with_vehicle_mut(|vehicle, now| vehicle.take_attitude(at, truth, DVec3::splat(sigma), now));

@@ -4,7 +4,7 @@ use super::{attitude, compared, file, frame, frame_of, taking};
 use base::{axes::sensor_from_ra_dec_roll, units::DEG};
 use config::{Camera, Document};
 use frames::sink::fits::{Header, Pixels, write_image};
-use starloop_night_sky::variables::hipparcos;
+use starloop_night_sky::outliers::hipparcos;
 use starloop_night_sky::{Comparer, Comparison, Options, Picture};
 use std::path::Path;
 use tempfile::TempDir;

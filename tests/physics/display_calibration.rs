@@ -64,7 +64,7 @@ fn scale(truth: &BenchTruth) -> FrameScale {
 
 /// Shows every image of the plan and measures its frame.
 fn measured(bench: &mut DisplayBench, plan: &Plan) -> Vec<Sight> {
-    let scale = scale(bench.truth());
+    let scale = scale(&bench.truth);
     let mut sights = Vec::new();
     for pattern in plan.patterns() {
         let frame = match pattern {
@@ -179,7 +179,7 @@ fn star(size_px: [usize; 2], at: [f64; 2], peak: f64) -> Vec<f32> {
 /// Returns where the tracker sees the star that is drawn for a direction, less where it should, display px: mean light
 /// of so many refreshes, without noise.
 fn star_error_px(bench: &DisplayBench, fitted: &Fitted, drive: &DisplayDrive, v_sensor: DVec3, refreshes: u64) -> f64 {
-    let truth = bench.truth();
+    let truth = &bench.truth;
     let size_px = truth.display_px;
     let geometry = &fitted.map.geometry;
     let drawn_px = geometry.camera().project(geometry.drawn_from_sensor().apply(v_sensor)).unwrap();

@@ -13,15 +13,8 @@
 //!
 //! The CRC runs over the 8 bytes of each part sent, in the order above, and the first 6 bytes of ATT_T.
 
-mod decode;
-mod encode;
 mod frame;
-mod group;
 mod id;
-mod ids;
 
-pub use decode::Decoder;
-pub use encode::{FRAMES_MAX, Format, Frames, encode};
-pub use frame::{CLASSIC_MAX, CanFrame, FD_MAX};
-pub use id::{CanId, ToCanId};
-pub use ids::IdMap;
+pub use frame::{CLASSIC_MAX, CanFrame, Decoder, FD_MAX, FRAMES_MAX, Format, Frames, encode};
+pub use id::{CanId, IdMap, ToCanId};

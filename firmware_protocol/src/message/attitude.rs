@@ -1,7 +1,7 @@
 //! The attitude record: one value for CAN FD, serial and the classic group.
 
 use crate::bytes::{Reader, Writer};
-use crate::{Reject, crc::Crc16, scaled::Scale};
+use crate::{Reject, bytes::Scale, crc::Crc16};
 
 /// Largest distance of a quaternion's norm from 1.
 pub const NORM_TOLERANCE: f64 = 1e-3;

@@ -3,29 +3,23 @@
 mod attitude;
 mod camera;
 mod command;
-mod exposure;
-mod heartbeat;
 mod jitter;
 mod status;
 mod table;
 mod time;
-mod trigger;
-mod wheels;
 
 pub use attitude::{AttitudeFlags, AttitudeRecord, NORM_TOLERANCE};
 pub use camera::{
     ALL_HEADS, CameraKind, CameraPage, CameraSet, CameraSetting, CameraStatus, CameraTrigger, CameraTriggered,
-    StartedBy,
+    Exposure, StartedBy,
 };
-pub use command::{Command, Identity, Info, Rates, Refusal, Reply, Request, Response, capability, opcode};
-pub use exposure::Exposure;
-pub use heartbeat::{Heartbeat, NodeState};
-pub use jitter::{JITTER_BURST_MAX, JitterBurst, JitterPair, PAIR_PERIOD_US};
+pub use command::{
+    Command, Identity, Info, Rates, Refusal, Reply, Request, Response, Trigger, Triggered, capability, opcode,
+};
+pub use jitter::{JITTER_BURST_MAX, JitterBurst, JitterPair, PAIR_PERIOD_US, Wheels};
 pub use status::{PointingAngle, StatusPage, StimulatorMode, frame_flag};
 pub use table::{Table, TableCell};
-pub use time::{Scet, Sync, TimeFollowUp};
-pub use trigger::{Trigger, Triggered};
-pub use wheels::Wheels;
+pub use time::{Heartbeat, NodeState, Scet, Sync, TimeFollowUp};
 
 pub(crate) use attitude::{ACCELERATION, RATE};
 

@@ -7,7 +7,7 @@ use base::units::{ARCSEC, DEG};
 use config::{Document, Scenario};
 use core::f64::consts::TAU;
 use testbed::acs::{Gains, PointingLoop, StructuralFilter};
-use testbed::{acs::complex::Complex, acs::pointing_error::PointingNoise, estimator::GyroNoise};
+use testbed::{acs::filter::Complex, acs::pointing_error::PointingNoise, estimator::GyroNoise};
 
 const PERIOD_S: f64 = 0.1;
 

@@ -9,7 +9,7 @@
 //! an independent simulation of the sampled loop; `tests/closed_loop/study.rs`, over pixels.
 
 use base::bisection::bisected;
-use testbed::acs::{complex::Complex, linear::PointingLoop, pointing_error::PointingNoise};
+use testbed::acs::{filter::Complex, linear::PointingLoop, pointing_error::PointingNoise};
 use testbed::estimator::{Farrenkopf, GyroNoise};
 use testbed::vehicle::VehicleParams;
 

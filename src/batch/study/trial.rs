@@ -21,7 +21,7 @@ use frames::sink::NullSink;
 use glam::DVec3;
 use run::wiring::{error::LoopError, stepped::SteppedRun};
 use std::sync::{Arc, Mutex, PoisonError};
-use testbed::{acs::Mode, acs::complex::Complex, spacecraft::TestTorque, vehicle::TelemetryRow};
+use testbed::{acs::Mode, acs::filter::Complex, spacecraft::TestTorque, vehicle::TelemetryRow};
 
 /// First attitude, mode changes and the first correction of the gyro's bias take less than this, s.
 pub const QUIET_S: f64 = 30.0;

@@ -5,7 +5,7 @@
 use crate::cli::terminal::ProgressLine;
 use anyhow::{Context, bail, ensure};
 use clap::Args;
-use imports::hats_folder::is_hats;
+use imports::is_hats;
 use imports::published::gaia::{Names, import as import_gaia};
 use stars::layer::{Layer, Sorting};
 use std::io::{Read, Seek, SeekFrom, Write};
@@ -183,7 +183,7 @@ mod parquet {
             kind: Kind::Parquet(Parquet(Some(partition.pixel))),
             credits: catalog.credits().map(str::to_owned),
         };
-        Ok(catalog.partitions().iter().map(input).collect())
+        Ok(catalog.partitions.iter().map(input).collect())
     }
 
     /// Writes layers as a catalog of a name and at most so many rows a partition; returns in words what was written.

@@ -47,7 +47,7 @@ pub(crate) fn map(args: &MapArgs, out: &mut impl Write) -> anyhow::Result<()> {
         "{}: {} stars in cells of order {}, {least:.3} to {most:.1} per square degree where there are any",
         args.out.display(),
         map.stars(),
-        map.order()
+        map.order
     )?;
     Ok(())
 }
@@ -69,7 +69,7 @@ fn counted(files: &[PathBuf], limiting_mag: f32) -> anyhow::Result<DensityMap> {
 }
 
 fn write_table(map: &DensityMap, out: &mut impl Write) -> io::Result<()> {
-    writeln!(out, "healpix_{},ra_deg,dec_deg,l_deg,b_deg,stars,stars_per_deg2", map.order())?;
+    writeln!(out, "healpix_{},ra_deg,dec_deg,l_deg,b_deg,stars,stars_per_deg2", map.order)?;
     for (cell, ([ra, dec], stars, density)) in map.cells().enumerate() {
         let galactic = galactic_rad(base::source::direction_from_ra_dec(ra, dec));
         let [ra, dec, l, b] = [ra, dec, galactic[0], galactic[1]].map(f64::to_degrees);

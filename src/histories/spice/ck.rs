@@ -8,10 +8,10 @@
 use super::clock::SpacecraftClock;
 use super::daf::{Daf, Summary, uncountable, whole};
 use super::{axes_from_icrf, chosen};
-use crate::attitude::{AttitudeHistory, AttitudeSegment, Times, Unfit, is_slow_enough};
-use crate::attitude_methods::{AttitudeInterpolation, s_between};
-use crate::attitude_state::AttitudeState;
+use crate::attitude::{AttitudeHistory, AttitudeSegment, Times, is_slow_enough};
+use crate::attitude_methods::{AttitudeInterpolation, AttitudeState, s_between};
 use crate::error::{HistoryError, Source};
+use crate::segments::Unfit;
 use base::axes::{Body, Icrf, Rotation, WRITTEN_NORM_TOLERANCE};
 use glam::{DQuat, DVec3};
 

@@ -4,13 +4,9 @@
 //! significant field: `p + r (ticks - t) / ticks per count`. TDB - TT is `K sin E`, `E = M + EB sin M` (LSK).
 
 use super::text_kernel::{TextKernel, find};
-use crate::error::HistoryError;
-use base::units::NS_PER_S;
+use crate::{epoch::J2000_TT_NS, error::HistoryError};
+use base::{time::Tai, units::NS_PER_S};
 
-/// J2000.0 on the count of TT since 1970.
-const J2000_TT_NS: i64 = (10_957 * 86_400 + 43_200) * NS_PER_S;
-/// TT - TAI.
-const TT_LESS_TAI_NS: i64 = 32_184_000_000;
 /// Latest instant that is taken, s after J2000: the year 2250.
 const MOST_S: f64 = 7.9e9;
 
@@ -59,7 +55,7 @@ fn tai_ns_of_tt(parts_s: [f64; 3]) -> Option<i64> {
         let (whole, rest) = (whole as i64, ((part - whole) * 1e9).round() as i64);
         whole * NS_PER_S + rest
     };
-    Some(parts_s.into_iter().map(ns).sum::<i64>() + J2000_TT_NS - TT_LESS_TAI_NS)
+    Some(Tai::from_tt_ns(parts_s.into_iter().map(ns).sum::<i64>() + J2000_TT_NS).ns())
 }
 
 /// A spacecraft's clock.

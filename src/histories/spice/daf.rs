@@ -43,7 +43,7 @@ impl<'a> Daf<'a> {
         };
         let mut daf = Self { bytes, is_little, segments: Vec::new() };
         let sizes = [8, 12].map(|offset| daf.integer(offset));
-        if sizes != [Some(2), Some(6)] && (kind != "DAF/SPK" || sizes != [Some(2), Some(6)]) {
+        if sizes != [Some(2), Some(6)] {
             return Err(refuse("summaries of other sizes than 2 doubles and 6 integers; wanted those of CK and SPK"));
         }
         daf.read_summaries(source)?;

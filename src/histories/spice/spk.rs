@@ -9,7 +9,8 @@ use super::{axes_from_icrf, chosen};
 use crate::chebyshev::{ChebyshevSeries, Record};
 use crate::error::{HistoryError, Source};
 use crate::newton::MOST_NODES;
-use crate::orbit::{Centre, OrbitHistory, OrbitInterpolation, OrbitSegment, OrbitState, UnfitOrbit};
+use crate::orbit::{Centre, OrbitHistory, OrbitInterpolation, OrbitSegment, OrbitState};
+use crate::segments::Unfit;
 use glam::{DQuat, DVec3};
 
 /// Rows of a directory.
@@ -58,13 +59,10 @@ pub(super) fn read(
 
 /// Returns the interpolation of a segment of type 9, which stores its degree.
 fn lagrange(degree: usize) -> Result<OrbitInterpolation, String> {
-    let is_low = degree < MOST_NODES;
-    let wanted = MOST_NODES - 1;
-    if is_low {
-        Ok(OrbitInterpolation::Lagrange(degree))
-    } else {
-        Err(format!("degree {degree}; wanted at most {wanted}"))
+    if degree < MOST_NODES {
+        return Ok(OrbitInterpolation::Lagrange(degree));
     }
+    Err(format!("degree {degree}; wanted at most {}", MOST_NODES - 1))
 }
 
 /// Returns the interpolation of a segment of type 13, which stores its number of rows less one.
@@ -110,7 +108,7 @@ impl Reader<'_> {
         Ok([Some(self.instant(begin)?), Some(self.instant(end)?)])
     }
 
-    fn unfit(&self, why: &UnfitOrbit) -> HistoryError {
+    fn unfit(&self, why: &Unfit) -> HistoryError {
         self.source.whole(why.to_string())
     }
 

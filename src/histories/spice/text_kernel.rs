@@ -5,6 +5,7 @@
 //! Texts in quotes are kept as no numbers. As CSPICE does, a kernel is read without its word `KPL/...`, with any ends of
 //! lines, a byte order mark, and remarks that are not UTF-8.
 
+use crate::epoch::{MONTHS, days_since_1970};
 use crate::error::{HistoryError, Source};
 use std::{borrow::Cow, collections::HashMap};
 
@@ -112,8 +113,6 @@ pub(super) fn find<'k>(texts: &'k [TextKernel], name: &str) -> Option<(&'k Value
     texts.iter().rev().find_map(|kernel| kernel.values(name).map(|values| (values, kernel.file.as_str())))
 }
 
-const MONTHS: [&str; 12] = ["JAN", "FEB", "MAR", "APR", "MAY", "JUN", "JUL", "AUG", "SEP", "OCT", "NOV", "DEC"];
-
 /// Returns the seconds after 2000-01-01T12:00:00 of a date: year, month and day, the year first or last and the month as a
 /// number or a name, and perhaps a time of day.
 fn seconds_of(date: &str) -> Option<f64> {
@@ -124,7 +123,7 @@ fn seconds_of(date: &str) -> Option<f64> {
     let number = |text: &str| text.parse::<i64>().ok().filter(|_| text.len() <= 4 && !text.starts_with('+'));
     let (year, day) = if first.len() > 2 { (first, last) } else { (last, first) };
     let (year, day) = (number(year)?, number(day)?);
-    let name = month.get(..3).unwrap_or(month).to_ascii_uppercase();
+    let name = month.get(..3).unwrap_or(month).to_ascii_lowercase();
     let named = MONTHS.iter().position(|known| *known == name).and_then(|place| i64::try_from(place + 1).ok());
     let month = named.or_else(|| number(month)).filter(|month| (1..=12).contains(month))?;
     let mut of_day_s = 0.0;
@@ -132,7 +131,7 @@ fn seconds_of(date: &str) -> Option<f64> {
         of_day_s += unit_s * text.parse::<f64>().ok().filter(|value| (0.0..61.0).contains(value))?;
     }
     let is_date = (1..=31).contains(&day) && rest.len() <= 3;
-    is_date.then(|| (days_from_2000(year, month, day) as f64 - 0.5) * 86_400.0 + of_day_s)
+    is_date.then(|| ((days_since_1970(year, month, day) - 10_957) as f64 - 0.5) * 86_400.0 + of_day_s)
 }
 
 /// Returns the day and the time of day of a date that has both: they are parted before the hour.
@@ -140,13 +139,6 @@ fn split_time(date: &str) -> (&str, &str) {
     let hour_end = date.find(':').unwrap_or(date.len());
     let hour = date[..hour_end].rfind(|c: char| !c.is_ascii_digit()).map_or(0, |at| at + 1);
     (date[..hour].trim_end_matches(['-', '/', 'T']), &date[hour..])
-}
-
-/// Returns days from 2000-01-01 of a date of the Gregorian calendar (Fliegel and van Flandern's count, from March on).
-fn days_from_2000(year: i64, month: i64, day: i64) -> i64 {
-    let (year, month) = if month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
-    let days = 365 * year + year.div_euclid(4) - year.div_euclid(100) + year.div_euclid(400);
-    days + (153 * month + 2) / 5 + day - 1 - 730_425
 }
 
 #[cfg(test)]

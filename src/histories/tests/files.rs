@@ -1,7 +1,7 @@
 //! The same attitude by every form of file.
 
 use super::*;
-use crate::{Times, csv_attitude::Sense};
+use crate::{Times, csv::Sense};
 
 /// Returns a turn of 0.2 rad about x, this program's quaternion: x = -sin 0.1.
 fn expected() -> Rotation<Body, Icrf> {

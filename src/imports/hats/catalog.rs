@@ -6,10 +6,10 @@
 
 use super::pixel::{MOST_ORDER, Pixel};
 use super::{file::ParquetFile, properties::Properties};
-use crate::hats::error;
 use crate::published::gaia::Names;
 use base::input_file::{DATA_BYTES, read_text};
 use base::refused::Refused;
+use core::fmt::Display;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
@@ -29,7 +29,8 @@ pub(super) const ACKNOWLEDGEMENT: &str = "obs_ack";
 #[derive(Debug)]
 pub struct HatsCatalog {
     properties: Properties,
-    partitions: Vec<Partition>,
+    /// Its files, in the order of the list.
+    pub partitions: Vec<Partition>,
 }
 
 /// A Parquet file of a catalog.
@@ -66,16 +67,13 @@ impl HatsCatalog {
         for pixel in listed {
             let dataset = properties.folder().join("dataset").join(pixel.folder());
             let files = there.remove(&pixel).ok_or_else(|| {
-                error::partition(
-                    &dataset.join(format!("Npix={}", pixel.number)),
-                    "listed in partition_info.csv, and missing",
-                )
+                partition(&dataset.join(format!("Npix={}", pixel.number)), "listed in partition_info.csv, and missing")
             })?;
             partitions.extend(files.into_iter().map(|path| (pixel, path)));
         }
         if let Some((_, files)) = there.first_key_value() {
             let what = "there, and not listed in partition_info.csv";
-            return Err(error::partition(&files[0], what));
+            return Err(partition(&files[0], what));
         }
         let name = properties.wanted("obs_collection", "a name")?;
         let partitions = partitions.into_iter().map(|(pixel, path)| {
@@ -86,11 +84,6 @@ impl HatsCatalog {
         let catalog = Self { properties, partitions };
         catalog.check_rows()?;
         Ok(catalog)
-    }
-
-    /// Returns its files, in the order of the list.
-    pub fn partitions(&self) -> &[Partition] {
-        &self.partitions
     }
 
     /// Gives `names` the columns of right ascension and declination that the catalog names, unless the user renamed
@@ -143,6 +136,11 @@ impl HatsCatalog {
     }
 }
 
+/// The files are not those that the list of partitions has.
+fn partition(path: &Path, what: impl Display) -> Refused {
+    Refused::at(path, format_args!("{what}; fetch or make the catalog again"))
+}
+
 /// Returns the pixels of `partition_info.csv`, none within another.
 fn listed(path: &Path) -> Result<Vec<Pixel>, Refused> {
     let text = read_text(path, DATA_BYTES).map_err(Refused::file("cannot read", path))?;
@@ -169,7 +167,7 @@ fn listed(path: &Path) -> Result<Vec<Pixel>, Refused> {
     match shared {
         Some(pair) => {
             let [one, other] = [pair[0], pair[1]].map(|pixel| format!("{}/Npix={}", pixel.folder(), pixel.number));
-            Err(error::partition(path, format!("{one} and {other} share a part of the sky")))
+            Err(partition(path, format!("{one} and {other} share a part of the sky")))
         }
         None => Ok(pixels),
     }
@@ -184,7 +182,7 @@ fn there(folder: &Path, suffix: &str) -> Result<BTreeMap<Pixel, Vec<PathBuf>>, R
     for (order, path) in numbered(orders, "Norder=", "")? {
         for (_, path) in numbered(visible(&path)?, "Dir=", "")? {
             for (number, path) in numbered(visible(&path)?, "Npix=", suffix.trim_matches('/'))? {
-                let foreign = |what: &str| error::partition(&path, what);
+                let foreign = |what: &str| partition(&path, what);
                 let pixel = Pixel::new(order, number);
                 let pixel = pixel.ok_or_else(|| foreign(&format!("no HEALPix pixel of order 0 to {MOST_ORDER}")))?;
                 if !path.parent().is_some_and(|parent| parent.ends_with(pixel.folder())) {
@@ -210,7 +208,7 @@ fn numbered(paths: BTreeSet<PathBuf>, prefix: &str, suffix: &str) -> Result<Vec<
         let suffix = if path.is_dir() { "" } else { suffix };
         let number = name.and_then(|name| name.strip_prefix(prefix)?.strip_suffix(suffix)?.parse().ok());
         let what = || format!("wanted {prefix}, a number, and \"{suffix}\"");
-        number.map(|number| (number, path.clone())).ok_or_else(|| error::partition(&path, what()))
+        number.map(|number| (number, path.clone())).ok_or_else(|| partition(&path, what()))
     };
     paths.into_iter().map(number).collect()
 }

@@ -1,15 +1,24 @@
 //! A Parquet file -> its footer, checked so far that nothing is allocated for what is not there.
 //!
 //! The crate that decodes Parquet trusts some sizes of a file: of its tree of columns, of a page when it is unpacked,
-//! of a dictionary. These are read first here ([`super::thrift`]) and compared with the file. Limits: a footer of 64
+//! of a dictionary. These are read first here ([`Compact`]) and compared with the file. Limits: a footer of 64
 //! MiB, pages of 64 MiB unpacked (writers make pages of about 1 MiB). Tests: `super::tests::damage`.
+//!
+//! [`Compact`] is the part of Thrift's compact protocol that gives the sizes announced by a file. Source: Apache Thrift, "Thrift Compact protocol encoding"; Apache Parquet, `parquet.thrift` (field
+//! numbers).
+//!
+//! Every step gives `None` when the bytes end too early or make no sense.
+//!
+//! A panic of that crate becomes an error: it asserts things of files that damaged files do not keep.
 
-use super::{caught::caught, thrift::Compact};
 use base::refused::Refused;
+use core::cell::Cell;
 use parquet::file::metadata::{ColumnChunkMetaData, ParquetMetaData, ParquetMetaDataReader};
+use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
+use std::panic::{AssertUnwindSafe, catch_unwind, set_hook, take_hook};
 use std::path::{Path, PathBuf};
-use std::{fs::File, sync::Arc};
+use std::sync::{Arc, Once};
 
 /// First and last bytes of a Parquet file.
 pub(super) const MAGIC: [u8; 4] = *b"PAR1";
@@ -220,4 +229,170 @@ fn read_at(file: &mut (impl Read + Seek), at: u64, count: u64) -> std::io::Resul
     let mut bytes = vec![0; usize::try_from(count).unwrap_or(usize::MAX)];
     file.read_exact(&mut bytes)?;
     Ok(bytes)
+}
+
+/// Structs in structs: a Parquet file has four.
+const DEEPEST_STRUCT: u8 = 16;
+
+/// Kinds of fields.
+const BOOLS: [u8; 2] = [1, 2];
+const BYTE: u8 = 3;
+const INTEGERS: [u8; 3] = [4, 5, 6];
+const DOUBLE: u8 = 7;
+const BINARY: u8 = 8;
+const LISTS: [u8; 2] = [9, 10];
+const STRUCT: u8 = 12;
+
+/// Bytes that are read from the front.
+pub(super) struct Compact<'a> {
+    pub(super) bytes: &'a [u8],
+}
+
+impl Compact<'_> {
+    fn byte(&mut self) -> Option<u8> {
+        let (first, rest) = self.bytes.split_first()?;
+        self.bytes = rest;
+        Some(*first)
+    }
+
+    fn unsigned(&mut self) -> Option<u64> {
+        let mut value = 0;
+        for shift in (0..64).step_by(7) {
+            let byte = self.byte()?;
+            value |= u64::from(byte & 0x7F) << shift;
+            if byte & 0x80 == 0 {
+                return Some(value);
+            }
+        }
+        None
+    }
+
+    /// Returns a signed number.
+    pub(super) fn signed(&mut self) -> Option<i64> {
+        let folded = self.unsigned()?;
+        Some((folded >> 1).cast_signed() ^ -(folded & 1).cast_signed())
+    }
+
+    /// Returns the number and kind of the next field of a struct, `None` at its end; `last` is the number of the field
+    /// before.
+    pub(super) fn field(&mut self, last: &mut i64) -> Option<Option<(i64, u8)>> {
+        let head = self.byte()?;
+        if head & 0x0F == 0 {
+            return Some(None);
+        }
+        *last = if head >> 4 == 0 { self.signed()? } else { last.checked_add(i64::from(head >> 4))? };
+        Some(Some((*last, head & 0x0F)))
+    }
+
+    /// Returns the kind and number of the elements of a list.
+    pub(super) fn list(&mut self) -> Option<(u8, u64)> {
+        let head = self.byte()?;
+        let count = if head >> 4 == 15 { self.unsigned()? } else { u64::from(head >> 4) };
+        Some((head & 0x0F, count))
+    }
+
+    /// Leaves a field of this kind out.
+    pub(super) fn skip(&mut self, kind: u8) -> Option<()> {
+        self.skip_within(kind, 0)
+    }
+
+    fn skip_within(&mut self, kind: u8, depth: u8) -> Option<()> {
+        match kind {
+            kind if BOOLS.contains(&kind) => Some(()),
+            BYTE => self.byte().map(|_| ()),
+            kind if INTEGERS.contains(&kind) => self.unsigned().map(|_| ()),
+            DOUBLE => self.skip_bytes(8),
+            BINARY => {
+                let length = self.unsigned()?;
+                self.skip_bytes(length)
+            }
+            kind if LISTS.contains(&kind) && depth < DEEPEST_STRUCT => {
+                let (kind, count) = self.list()?;
+                // A truth value alone has no byte as a field, and one as an element.
+                let kind = if BOOLS.contains(&kind) { BYTE } else { kind };
+                (0..count).try_for_each(|_| self.skip_within(kind, depth + 1))
+            }
+            STRUCT if depth < DEEPEST_STRUCT => {
+                let mut last = 0;
+                while let Some((_, kind)) = self.field(&mut last)? {
+                    self.skip_within(kind, depth + 1)?;
+                }
+                Some(())
+            }
+            _ => None,
+        }
+    }
+
+    fn skip_bytes(&mut self, count: u64) -> Option<()> {
+        self.bytes = self.bytes.get(usize::try_from(count).ok()?..)?;
+        Some(())
+    }
+}
+
+thread_local! {
+    static IS_READING: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Returns the result of `read`, or its message when it panics. Panics elsewhere are reported as usual.
+pub(super) fn caught<T>(read: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
+    static QUIET_WHILE_READING: Once = Once::new();
+    QUIET_WHILE_READING.call_once(|| {
+        let announce = take_hook();
+        set_hook(Box::new(move |panic| {
+            if !IS_READING.get() {
+                announce(panic);
+            }
+        }));
+    });
+    IS_READING.set(true);
+    let done = catch_unwind(AssertUnwindSafe(read));
+    IS_READING.set(false);
+    done.unwrap_or_else(|panic| {
+        let text = panic.downcast_ref::<&str>().copied().or(panic.downcast_ref::<String>().map(String::as_str));
+        Err(format!("the reader gave up: {}", text.unwrap_or("it does not say why")))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_as_the_protocol_has_them() {
+        for (bytes, wanted) in [(&[0][..], 0), (&[1], -1), (&[2], 1), (&[0xFE, 0xFF, 3], 32_767), (&[0xAC, 2], 150)] {
+            assert_eq!(Compact { bytes }.signed(), Some(wanted), "{bytes:?}");
+        }
+        assert_eq!(Compact { bytes: &[0x80; 20] }.signed(), None, "without end");
+        assert_eq!(Compact { bytes: &[0x80] }.signed(), None, "cut short");
+    }
+
+    #[test]
+    fn structs_are_left_out_whole() {
+        // A struct of all kinds: true, byte, i32, double, binary, list of two i32, list of two truth values, struct.
+        let bytes = [
+            0x11, 0x13, 7, 0x15, 0x80, 1, 0x17, 0, 0, 0, 0, 0, 0, 0, 0, 0x18, 2, b'a', b'b', 0x19, 0x25, 2, 4, 0x19,
+            0x21, 1, 2, 0x1C, 0x15, 2, 0, 0, 99,
+        ];
+        let mut compact = Compact { bytes: &bytes };
+        compact.skip(STRUCT).unwrap();
+        assert_eq!(compact.bytes, [99]);
+        for cut in 0..bytes.len() - 1 {
+            assert_eq!(Compact { bytes: &bytes[..cut] }.skip(STRUCT), None, "cut to {cut}");
+        }
+        assert_eq!(Compact { bytes: &[0x1C; 100] }.skip(STRUCT), None, "structs in structs");
+        assert_eq!(Compact { bytes: &[0xF9, 0xFF, 0xFF, 0xFF, 0xFF, 7] }.skip(LISTS[0]), None, "more than there is");
+    }
+}
+
+#[cfg(test)]
+mod caught_tests {
+    use super::*;
+
+    #[test]
+    fn panics_are_errors_and_the_next_reading_is_as_before() {
+        assert_eq!(caught::<()>(|| panic!("no {}", "dictionary")), Err("the reader gave up: no dictionary".into()));
+        assert_eq!(caught::<()>(|| panic!("plain")), Err("the reader gave up: plain".into()));
+        assert_eq!(caught(|| Ok(5)), Ok(5));
+        assert_eq!(caught::<()>(|| Err("no".into())), Err("no".into()));
+    }
 }

@@ -11,22 +11,17 @@
 //! `hil_scripts/test_hats.py`.
 
 mod catalog;
-mod caught;
-mod error;
 mod export;
 mod file;
-mod import;
 mod pixel;
 mod properties;
 mod rows;
-mod thrift;
 mod writer;
 
 pub use catalog::{HatsCatalog, Partition};
 pub use export::{ExportReport, Exporting, export};
-pub use import::{COARSE_PLACES, import};
 pub use pixel::Pixel;
-pub use rows::STARLOOP_ID;
+pub use rows::{COARSE_PLACES, STARLOOP_ID, import};
 
 #[cfg(test)]
 mod tests;

@@ -2,7 +2,7 @@
 //!
 //! Source: IVOA Note "HATS" (keys); Java's `Properties` (comments, escapes, lines that go on).
 
-use crate::hats_folder::{COLLECTION, FILES};
+use crate::{COLLECTION, FILES};
 use base::input_file::{SETTINGS_BYTES, read_text};
 use base::refused::Refused;
 use std::collections::BTreeMap;
@@ -139,7 +139,7 @@ pub(super) fn write(path: &Path, values: &[(&str, String)]) -> Result<(), Refuse
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::hats_folder::is_hats;
+    use crate::is_hats;
 
     #[test]
     fn properties_as_java_writes_them() {

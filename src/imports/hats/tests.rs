@@ -1,7 +1,7 @@
 //! Catalogs there and back; Parquet in all its forms; catalogs and files that are not what they should be.
 
 use super::*;
-use crate::hats_folder::is_hats;
+use crate::is_hats;
 use crate::published::gaia::{EPOCH_YR, Names, WITHOUT_MAGNITUDE, WITHOUT_PLACE};
 use base::{refused::Refused, units::DEG};
 use core::f64::consts::TAU;
@@ -60,7 +60,7 @@ fn import_all(catalog: &Path, folder: &Path) -> Result<Vec<LayerReport>, Refused
     let mut names = Names::default();
     catalog.name_columns(&mut names)?;
     let mut sorting = Sorting::start(&folder.join("work"), &LIMITS)?;
-    for partition in catalog.partitions() {
+    for partition in &catalog.partitions {
         import(&partition.path, Some(partition.pixel), &names, &mut sorting, &mut |_| {})?;
     }
     Ok(sorting.finish(&folder.join("layers"), EPOCH_YR, "whom it concerns", &mut |_| {})?)
@@ -86,9 +86,9 @@ fn layers_come_back_as_they_were() {
         assert_eq!((report.stars, last), (6_000, 1.0));
         assert!(partitions.contains(&report.partitions), "{report:?}");
         let listed = HatsCatalog::open(&catalog).unwrap();
-        assert_eq!(listed.partitions().len(), report.partitions);
+        assert_eq!(listed.partitions.len(), report.partitions);
         assert_eq!(listed.epoch_yr().unwrap(), Some(EPOCH_YR));
-        let most = listed.partitions().iter().map(|partition| rows_of(&partition.path)).max().unwrap();
+        let most = listed.partitions.iter().map(|partition| rows_of(&partition.path)).max().unwrap();
         assert!(most as usize <= max_rows, "{most} rows in a partition of at most {max_rows}");
         let after = import_all(&catalog, &path(&format!("after{max_rows}"))).unwrap();
         for (a, b) in before.iter().zip(&after) {

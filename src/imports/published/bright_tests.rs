@@ -1,8 +1,7 @@
 //! Lines of the real catalogs; damaged lines; a made sky of stars whose identity is known, whose merged layers must
 //! have each of them once; rules that lack a part, which must lose or double stars.
 
-use super::add_bright::add_by;
-use super::bright::{BrightStars, LONGEST_LINE};
+use super::bright::{BrightStars, LONGEST_LINE, TOO_FAINT, TWICE, add_by};
 use super::bright_star::{BrightStar, moved};
 use super::crossmatch::{Crossmatch, REACH_ARCSEC, ReferenceStar, Rule};
 use super::{add_bright, gaia};
@@ -168,8 +167,8 @@ fn stars_that_come_twice_or_are_too_faint_are_counted_and_not_added() {
             ["added", "twice", "fainter"].map(|word| {
                 let what = match word {
                     "added" => "bright stars that were missing, added",
-                    "twice" => add_bright::TWICE,
-                    _ => add_bright::TOO_FAINT,
+                    "twice" => TWICE,
+                    _ => TOO_FAINT,
                 };
                 count(what)
             }),

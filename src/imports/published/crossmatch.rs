@@ -9,7 +9,7 @@
 //! square degree of the plane make 2 false pairs in 10,000.
 //!
 //! **How bright.** Gaia often has a faint companion of a bright star that it lacks itself, so that a star close by is not
-//! enough: magnitudes must agree within [`tolerance_mag`]. Two equal stars seen as one are 0.75 mag brighter than each,
+//! enough: magnitudes must agree within [`BrightStar::tolerance_mag`]. Two equal stars seen as one are 0.75 mag brighter than each,
 //! and the relations between bands are good to 0.1, hence 1 mag; more for a star that varies, whose colour is unknown,
 //! or that is saturated in Gaia. Within [`UNRESOLVED_ARCSEC`] Gaia has no two stars: there it is one star at up to 1.5
 //! mag more.
@@ -41,15 +41,6 @@ const CELL_ORDER: u8 = 12;
 pub(super) const REACH_ARCSEC: f64 = 15.0;
 /// Pairs kept for a star.
 const PAIRS_PER_STAR: usize = 4;
-
-/// Returns how far magnitudes of one star may be apart, mag, by its G, the scatter of its measurements, and whether its
-/// colour is known.
-pub(super) fn tolerance_mag(mag_g: f64, scatter_mag: f64, has_colour: bool) -> f64 {
-    let saturated = if mag_g < 4.0 { 0.5 } else { 0.0 };
-    let unknown_colour = if has_colour { 0.0 } else { 0.75 };
-    // Measurements over 3 years do not see the whole of a Mira's 5 mag.
-    1.0 + saturated + unknown_colour + (3.0 * scatter_mag).clamp(0.0, 3.0)
-}
 
 /// A star of the list that is there already.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -12,18 +12,13 @@
 //! 649, A3, give a correction of at most 0.02 mag, which is not applied), and most stars brighter than 3 have no row.
 //! Those come from Hipparcos, whose magnitudes hold to the brightest but Sirius, which has one of its own.
 
-mod add_bright;
-mod bands;
 pub mod bright;
 pub mod bright_star;
 mod crossmatch;
 pub mod gaia;
-mod hipparcos;
 mod lines;
-mod star_line;
-mod tycho;
 
-pub use add_bright::add_bright;
+pub use bright::add_bright;
 
 #[cfg(test)]
 mod bright_tests;

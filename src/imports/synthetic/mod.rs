@@ -9,7 +9,6 @@
 
 mod density;
 mod population;
-mod star;
 
 pub use density::{Density, FAINTEST_MAG};
 pub use population::{Population, credits};

@@ -89,12 +89,12 @@ impl FarSide {
 
     /// Returns the vehicle, if one is flown.
     pub(super) fn vehicle(&self) -> Option<&Vehicle> {
-        self.simulated.as_ref().and_then(|(_, computer)| computer.vehicle())
+        self.simulated.as_ref().and_then(|(_, computer)| computer.vehicle.as_deref())
     }
 
     /// Returns the vehicle for changes, if one is flown.
     pub(super) fn vehicle_mut(&mut self) -> Option<&mut Vehicle> {
-        self.simulated.as_mut().and_then(|(_, computer)| computer.vehicle_mut())
+        self.simulated.as_mut().and_then(|(_, computer)| computer.vehicle.as_deref_mut())
     }
 
     /// Makes the flight computer fire a trigger over the bus, to act at `at` or on arrival.
@@ -161,8 +161,8 @@ impl FarSide {
         let Some((port, computer)) = &mut self.simulated else { return Ok(NEVER) };
         computer.step(now, port)?;
         let computer_due = computer.next_due();
-        if let Some(vehicle) = computer.vehicle_mut() {
-            let telemetry = vehicle.telemetry_mut();
+        if let Some(vehicle) = &mut computer.vehicle {
+            let telemetry = &mut vehicle.telemetry;
             for row in telemetry.rows.drain(..) {
                 self.witness.take_row(&row);
                 (self.on_row)(&row);
@@ -176,18 +176,18 @@ impl FarSide {
     /// Passes frames to the trackers, each with its time tag; a frame that came before its tag waits a little for it.
     fn take_frames(&mut self, now: Tai) {
         let Some((_, computer)) = &mut self.simulated else { return };
-        let Some(vehicle) = computer.vehicle_mut() else { return };
+        let Some(vehicle) = &mut computer.vehicle else { return };
         for (head, tap) in self.taps.iter().enumerate() {
             self.waiting.extend(core::iter::from_fn(|| tap.take()).map(|frame| (now + TAG_WAIT, head, frame)));
         }
         let is_ready = |(until, head, frame): &mut (Tai, usize, TappedFrame)| {
-            *until <= now || vehicle.has_tag(*head, frame.number)
+            *until <= now || vehicle.heads.has_tag(*head, frame.number)
         };
         let ready: Vec<_> = self.waiting.extract_if(.., is_ready).collect();
         for (_, head, frame) in ready {
-            vehicle.expose(head, &Exposed { exposure_s: frame.exposure_s, regions: frame.regions });
+            vehicle.heads.expose(head, &Exposed { exposure_s: frame.exposure_s, regions: frame.regions });
             vehicle.take_frame(head, frame.number, &frame.image, now);
-            let wish = vehicle.take_wish(head).filter(|_| head < self.desks.len());
+            let wish = vehicle.heads.take_wish(head).filter(|_| head < self.desks.len());
             for commanded in wish.iter().flat_map(|wish| commands_of(wish, now)) {
                 // A full queue loses the command: the next frame brings another one.
                 let _lost = self.desks[head].put(commanded);
@@ -200,7 +200,7 @@ impl FarSide {
 
     fn do_aboard(&mut self, action: Aboard) -> Result<(), FlightError> {
         let Some((_, computer)) = &mut self.simulated else { return Ok(()) };
-        let Some(vehicle) = computer.vehicle_mut() else { return Ok(()) };
+        let Some(vehicle) = &mut computer.vehicle else { return Ok(()) };
         match action {
             Aboard::Inject { fault, number } => {
                 let began_at = vehicle.fault_hits(&fault);
@@ -225,7 +225,7 @@ impl FarSide {
     /// Compares a rendered frame with the truth; without a vehicle the truth is unknown.
     pub(super) fn witness_frame(&mut self, head: usize, meta: &FrameMeta) {
         let Some(vehicle) = self.vehicle_mut() else { return };
-        let truth = vehicle.truth(meta.mid_exposure).ok();
+        let truth = vehicle.plant.truth(meta.mid_exposure).ok();
         self.witness.take_frame(head, meta, truth.map(|truth| (truth.body_from_icrf, truth.rate_rad_s.length())));
     }
 }

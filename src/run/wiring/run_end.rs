@@ -24,9 +24,9 @@ pub struct Flown {
 impl Flown {
     /// Returns the counts of a vehicle so far; `params` are those of the first head.
     pub(super) fn of(vehicle: Option<&Vehicle>, assessment: &Assessment, params: &RunParams) -> Self {
-        let untagged = |vehicle: &Vehicle| vehicle.head_reports().map(|report| report.untagged).sum();
+        let untagged = |vehicle: &Vehicle| vehicle.heads.reports().map(|report| report.untagged).sum();
         Self {
-            estimator: vehicle.map(Vehicle::estimator_counts).unwrap_or_default(),
+            estimator: vehicle.map(|vehicle| vehicle.estimator.counts).unwrap_or_default(),
             untagged: vehicle.map_or(0, untagged),
             predicted_pointing_rad: predicted_pointing_rad(vehicle, assessment, params),
         }
@@ -169,7 +169,7 @@ impl RunEnd {
 /// Returns the expected rms error of the boresight's direction (two axes) in fine pointing by linear theory from the
 /// tracker's noise; `None` when nothing is flown or no attitude fell into the window.
 fn predicted_pointing_rad(vehicle: Option<&Vehicle>, assessment: &Assessment, params: &RunParams) -> Option<f64> {
-    let (vehicle, nea_rad) = (vehicle?.params(), assessment.nea_rad()?);
+    let (vehicle, nea_rad) = (&vehicle?.params, assessment.nea_rad()?);
     let latency_s = 0.5 * params.camera.exposure_s + params.camera.readout_s;
     let pointing = PointingLoop {
         gains: vehicle.acs.fine,

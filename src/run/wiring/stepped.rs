@@ -130,7 +130,7 @@ impl SteppedRun {
             let (frame, mid_exposure) = report.frame?;
             report.last.map(|outcome| TrackerOutput { frame, mid_exposure, outcome })
         };
-        let found = self.with_vehicle(|vehicle| vehicle.head_reports().nth(head).map(of_report)).flatten();
+        let found = self.with_vehicle(|vehicle| vehicle.heads.reports().nth(head).map(of_report)).flatten();
         found.ok_or_else(|| {
             let heads = self.run.heads.len();
             let why = format!(

@@ -22,7 +22,7 @@ use std::sync::Arc;
 use telemetry::canopen::{CanOpenDevice, NodeParams};
 use telemetry::{Device, Limits, Sense};
 use telemetry::{
-    canopen::eds::SHIPPED, ccsds::CcsdsDevice, json::JsonDevice, nos3::Nos3Device, sagitta::SagittaDevice,
+    canopen::dictionary::SHIPPED, ccsds::CcsdsDevice, json::JsonDevice, nos3::Nos3Device, sagitta::SagittaDevice,
 };
 use testbed::tracker::{GuideStars, StarNoise, Tracker, TrackerParams};
 use testbed::tracker_model::{NoiseMethod, TrackerModel};

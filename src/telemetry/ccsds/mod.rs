@@ -17,14 +17,19 @@
 //! | exposure, s; temperature, degrees Celsius | 2 f32 |
 //!
 //! Functions of TC(8,1): u8 1 with u8 0 or 2 (pause, operate), 2 with u32 microseconds (exposure), 3 (begin again).
+//!
+//! [`CcsdsReader`] reads housekeeping TM(3,25) of structure 1. Other packets, of any application process, are passed over; a wrong CRC is damage.
 
-pub mod packet;
-
-use crate::quaternion::Continuity;
+use crate::device::Continuity;
+use crate::reading::{Measured, Reader, unit};
 use crate::{Answered, Device, Limits, Mode, Order, Report, Sense, Wire};
 use base::time::Tai;
-use packet::{COUNT_MASK, PacketError, Telecommand, Telemetry, cuc, length_of};
+use packet::{
+    COUNT_MASK, PacketStream, TELECOMMAND, TELEMETRY, Telecommand, Telemetry, TelemetryView, cuc, tai_of_cuc,
+};
 use std::collections::BTreeMap;
+
+pub mod packet;
 
 const VERIFICATION: u8 = 1;
 pub(crate) const HOUSEKEEPING: [u8; 2] = [3, 25];
@@ -61,18 +66,16 @@ pub struct CcsdsDevice {
     type_counts: BTreeMap<[u8; 2], u16>,
     continuity: Continuity,
     newest: Option<Report>,
-    stream: Vec<u8>,
-    /// Octets that begin no packet have come since the last one.
-    is_out_of_step: bool,
+    stream: PacketStream,
     answered: Answered,
 }
 
 impl CcsdsDevice {
     /// Returns a tracker with an application process number of 11 bits.
     pub fn new(apid: u16, sense: Sense, limits: Limits) -> Self {
-        let (count, type_counts, stream) = (0, BTreeMap::new(), Vec::new());
+        let (count, type_counts, stream) = (0, BTreeMap::new(), PacketStream::default());
         let (continuity, newest, answered) = (Continuity::default(), None, Answered::default());
-        Self { apid, sense, limits, count, type_counts, continuity, newest, stream, is_out_of_step: false, answered }
+        Self { apid, sense, limits, count, type_counts, continuity, newest, stream, answered }
     }
 
     fn send(&mut self, service: [u8; 2], destination: u16, data: &[u8], now: Tai, out: &mut Vec<Wire>) {
@@ -175,39 +178,81 @@ impl Device for CcsdsDevice {
 
     fn take(&mut self, wire: &Wire, now: Tai, out: &mut Vec<Wire>, orders: &mut Vec<Order>) {
         let Wire::Bytes(bytes) = wire else { return };
-        self.stream.extend(bytes);
-        let mut at = 0;
-        while let Some(length) = length_of(&self.stream[at..]) {
-            let read = match length {
-                Ok(length) => match self.stream.get(at..at + length) {
-                    Some(packet) => Telecommand::decode(packet).map(|command| (command, length)),
-                    None => break,
-                },
-                Err(error) => Err(error),
-            };
-            match read {
-                Ok((command, length)) => {
-                    (at, self.is_out_of_step) = (at + length, false);
-                    self.obey(&command, now, out, orders);
-                }
-                // The next octet may begin a packet.
-                Err(
-                    PacketError::NoTelecommand
-                    | PacketError::NoTelemetry
-                    | PacketError::BadLength
-                    | PacketError::BadCrc
-                    | PacketError::NotPusC,
-                ) => {
-                    self.answered.refused += u64::from(!core::mem::replace(&mut self.is_out_of_step, true));
-                    at += 1;
-                }
-            }
-        }
-        self.stream.drain(..at);
+        let mut stream = core::mem::take(&mut self.stream);
+        self.answered.refused += stream.push(bytes, &TELECOMMAND, |packet| {
+            self.obey(&Telecommand::decode(packet)?, now, out, orders);
+            Ok(())
+        });
+        self.stream = stream;
     }
 
     fn answered(&self) -> Answered {
         self.answered
+    }
+}
+
+/// Octets of the source data.
+const DATA_BYTES: usize = 82;
+
+/// Reads a tracker that speaks PUS.
+#[derive(Debug)]
+pub struct CcsdsReader {
+    sense: Sense,
+    stream: PacketStream,
+    damaged: u64,
+}
+
+impl CcsdsReader {
+    /// Makes a reader of quaternions in this sense.
+    pub fn new(sense: Sense) -> Self {
+        Self { sense, stream: PacketStream::default(), damaged: 0 }
+    }
+
+    fn measured(&self, packet: &TelemetryView<'_>, at: Tai) -> Option<Result<Measured, ()>> {
+        if packet.service != HOUSEKEEPING || packet.data.first_chunk() != Some(&STRUCTURE.to_be_bytes()) {
+            return None;
+        }
+        let of_data = |data: &[u8; DATA_BYTES]| {
+            let eight = |place: usize| [0, 1, 2, 3, 4, 5, 6, 7].map(|i| data[place + i]);
+            let time_tag = tai_of_cuc(eight(2))?;
+            let q = [18, 26, 34, 42].map(|place| f64::from_be_bytes(eight(place)));
+            let attitude = unit(self.sense.of(q));
+            let is_valid = match data[11] {
+                0 => false,
+                1 if attitude.is_some() => true,
+                _impossible => return None,
+            };
+            let [a, b, c, d] = [12, 13, 14, 15].map(|place| data[place]);
+            Some(Measured {
+                at,
+                time_tag: Some(time_tag),
+                frame: Some(u32::from_be_bytes([a, b, c, d])),
+                attitude_wxyz: attitude.filter(|_| is_valid),
+                stars: Some(u16::from_be_bytes([data[16], data[17]])),
+            })
+        };
+        Some(packet.data.try_into().ok().and_then(of_data).ok_or(()))
+    }
+}
+
+impl Reader for CcsdsReader {
+    fn take(&mut self, wire: &Wire, at: Tai, out: &mut Vec<Measured>) {
+        let Wire::Bytes(bytes) = wire else { return };
+        let mut stream = core::mem::take(&mut self.stream);
+        let runs = stream.push(bytes, &TELEMETRY, |packet| {
+            match self.measured(&TelemetryView::read(packet)?, at) {
+                Some(Ok(measured)) => out.push(measured),
+                Some(Err(())) => self.damaged += 1,
+                None => {}
+            }
+            Ok(())
+        });
+        self.damaged += runs;
+        self.stream = stream;
+    }
+
+    fn damaged(&self) -> u64 {
+        self.damaged
     }
 }
 
@@ -243,7 +288,7 @@ mod tests {
         assert_eq!(services(&out), [FOUND, HOUSEKEEPING, HOUSEKEEPING, LOST, HOUSEKEEPING]);
         let data = &out[1].data()[21..];
         assert_eq!(data[..2], [0, 1]);
-        assert_eq!(packet::tai_of_cuc(data[2..10].try_into().unwrap()), Some(report().time_tag));
+        assert_eq!(tai_of_cuc(data[2..10].try_into().unwrap()), Some(report().time_tag));
         assert_eq!((data[10], data[11]), (2, 1));
         let x = f64::from_be_bytes(data[26..34].try_into().unwrap());
         assert_eq!(x, -0.1_f64.sin(), "all digits of a double");

@@ -35,6 +35,99 @@ const CUC_TAI: u8 = 0x1F;
 /// Seconds from 1958-01-01 to 1970-01-01, TAI.
 const S_1958_TO_1970: i64 = 4383 * 86_400;
 
+/// Why octets are no packet.
+pub type Refusal = &'static str;
+
+const BAD_LENGTH: Refusal = "the packet has a length that none has: a telecommand at most 256 octets, telemetry 4096";
+const BAD_CRC: Refusal = "the CRC differs: wanted CRC-16/IBM-3740 over all octets before it";
+const NOT_PUS_C: Refusal = "the secondary header is not of PUS version 2";
+
+/// Form of the packets of one direction.
+#[derive(Debug)]
+pub(crate) struct Form {
+    /// Version, type and secondary header flag.
+    first: u16,
+    /// Fewest and most octets.
+    octets: [usize; 2],
+    other: Refusal,
+}
+
+pub(crate) const TELEMETRY: Form = Form {
+    first: TM_FIRST,
+    octets: [PRIMARY + TM_SECONDARY + TIME + CRC, TELEMETRY_MAX],
+    other: "the packet is of another type: wanted telemetry with a secondary header, version 0",
+};
+pub(crate) const TELECOMMAND: Form = Form {
+    first: TC_FIRST,
+    octets: [PRIMARY + TC_SECONDARY + CRC, TC_MAX],
+    other: "the packet is of another type: wanted a telecommand with a secondary header, version 0",
+};
+
+impl Form {
+    /// Returns the octets of the packet that begins here; `None` when its header is not whole yet.
+    fn length_of(&self, bytes: &[u8]) -> Option<Result<usize, Refusal>> {
+        let [a, b, _, _, c, d] = *bytes.first_chunk::<PRIMARY>()?;
+        if u16::from_be_bytes([a, b]) & !APID_MASK != self.first {
+            return Some(Err(self.other));
+        }
+        let length = PRIMARY + usize::from(u16::from_be_bytes([c, d])) + 1;
+        let is_possible = (self.octets[0]..=self.octets[1]).contains(&length);
+        Some(if is_possible { Ok(length) } else { Err(BAD_LENGTH) })
+    }
+}
+
+/// Returns a whole packet without its CRC.
+fn content_of<'p>(packet: &'p [u8], form: &Form) -> Result<&'p [u8], Refusal> {
+    let length = form.length_of(packet).unwrap_or(Err(BAD_LENGTH))?;
+    let (Some((content, crc)), true) = (packet.split_last_chunk::<CRC>(), packet.len() == length) else {
+        return Err(BAD_LENGTH);
+    };
+    if crc16(content) != u16::from_be_bytes(*crc) {
+        return Err(BAD_CRC);
+    }
+    if content.get(PRIMARY).is_some_and(|version| version & 0xF0 == PUS_C) { Ok(content) } else { Err(NOT_PUS_C) }
+}
+
+/// Octets of a stream that are not yet packets.
+#[derive(Debug, Default)]
+pub(crate) struct PacketStream {
+    octets: Vec<u8>,
+    /// Octets that begin no packet have come since the last one.
+    is_out_of_step: bool,
+}
+
+impl PacketStream {
+    /// Takes octets, and hands each packet to `take`; returns how many runs of octets were none.
+    pub(crate) fn push(
+        &mut self,
+        octets: &[u8],
+        form: &Form,
+        mut take: impl FnMut(&[u8]) -> Result<(), Refusal>,
+    ) -> u64 {
+        self.octets.extend(octets);
+        let (mut at, mut damaged) = (0, 0);
+        while let Some(length) = form.length_of(&self.octets[at..]) {
+            let taken = match length {
+                Ok(length) => match self.octets.get(at..at + length) {
+                    Some(packet) => take(packet).map(|()| length),
+                    None => break,
+                },
+                Err(refusal) => Err(refusal),
+            };
+            if let Ok(length) = taken {
+                (at, self.is_out_of_step) = (at + length, false);
+            } else {
+                damaged += u64::from(!core::mem::replace(&mut self.is_out_of_step, true));
+                // The next octet may begin a packet.
+                at += 1;
+            }
+        }
+        self.octets.drain(..at);
+        debug_assert!(self.octets.len() < form.octets[1], "what is kept is part of one packet");
+        damaged
+    }
+}
+
 /// Time as a CUC code with its P-field: seconds since 1958-01-01 TAI, and 2^-24 of a second.
 pub fn cuc(at: Tai) -> [u8; 8] {
     let seconds = at.ns().div_euclid(NS_PER_S) + S_1958_TO_1970;
@@ -108,35 +201,14 @@ impl<'a> TelemetryView<'a> {
     ///
     /// # Errors
     /// What is wrong with it.
-    pub fn read(packet: &'a [u8]) -> Result<Self, PacketError> {
-        let length = telemetry_length(packet).unwrap_or(Err(PacketError::BadLength))?;
-        let (Some((content, crc)), true) = (packet.split_last_chunk::<CRC>(), packet.len() == length) else {
-            return Err(PacketError::BadLength);
+    pub fn read(packet: &'a [u8]) -> Result<Self, Refusal> {
+        let [a, b, _, _, _, _, _, service, subtype, _, _, _, _, rest @ ..] = content_of(packet, &TELEMETRY)? else {
+            return Err(BAD_LENGTH);
         };
-        if crc16(content) != u16::from_be_bytes(*crc) {
-            return Err(PacketError::BadCrc);
-        }
-        let [a, b, _, _, _, _, version, service, subtype, _, _, _, _, rest @ ..] = content else {
-            return Err(PacketError::BadLength);
-        };
-        let Some((time, data)) = rest.split_first_chunk::<TIME>() else { return Err(PacketError::BadLength) };
-        if version & 0xF0 != PUS_C {
-            return Err(PacketError::NotPusC);
-        }
+        let Some((time, data)) = rest.split_first_chunk::<TIME>() else { return Err(BAD_LENGTH) };
         let apid = u16::from_be_bytes([*a, *b]) & APID_MASK;
         Ok(Self { apid, service: [*service, *subtype], time: *time, data })
     }
-}
-
-/// Octets of the telemetry packet that begins here; `None` when its header is not whole yet.
-pub(crate) fn telemetry_length(bytes: &[u8]) -> Option<Result<usize, PacketError>> {
-    let [a, b, _, _, c, d] = *bytes.first_chunk::<PRIMARY>()?;
-    if u16::from_be_bytes([a, b]) & !APID_MASK != TM_FIRST {
-        return Some(Err(PacketError::NoTelemetry));
-    }
-    let length = PRIMARY + usize::from(u16::from_be_bytes([c, d])) + 1;
-    let is_possible = (PRIMARY + TM_SECONDARY + TIME + CRC..=TELEMETRY_MAX).contains(&length);
-    Some(if is_possible { Ok(length) } else { Err(PacketError::BadLength) })
 }
 
 /// A telecommand.
@@ -156,56 +228,15 @@ pub struct Telecommand {
     pub data: Vec<u8>,
 }
 
-/// Reasons to refuse octets as a telecommand.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-pub enum PacketError {
-    /// They have another type or version.
-    #[error("the packet is of another type: wanted a telecommand with a secondary header, version 0")]
-    NoTelecommand,
-    /// They have another type or version than telemetry.
-    #[error("the packet is of another type: wanted telemetry with a secondary header, version 0")]
-    NoTelemetry,
-    /// Its length is not that of such a packet.
-    #[error("the packet has a length that none has: a telecommand at most {TC_MAX} octets, telemetry {TELEMETRY_MAX}")]
-    BadLength,
-    /// Its CRC is that of other octets.
-    #[error("the CRC differs: wanted CRC-16/IBM-3740 over all octets before it")]
-    BadCrc,
-    /// Its secondary header is not of PUS-C.
-    #[error("the secondary header is not of PUS version 2")]
-    NotPusC,
-}
-
-/// Octets of the packet that begins here; `None` when its header is not whole yet.
-pub(super) fn length_of(bytes: &[u8]) -> Option<Result<usize, PacketError>> {
-    let [a, b, _, _, c, d] = *bytes.first_chunk::<PRIMARY>()?;
-    if u16::from_be_bytes([a, b]) & !APID_MASK != TC_FIRST {
-        return Some(Err(PacketError::NoTelecommand));
-    }
-    let length = PRIMARY + usize::from(u16::from_be_bytes([c, d])) + 1;
-    let is_possible = (PRIMARY + TC_SECONDARY + CRC..=TC_MAX).contains(&length);
-    Some(if is_possible { Ok(length) } else { Err(PacketError::BadLength) })
-}
-
 impl Telecommand {
     /// Reads a whole packet.
     ///
     /// # Errors
     /// What is wrong with it.
-    pub fn decode(packet: &[u8]) -> Result<Self, PacketError> {
-        let length = length_of(packet).unwrap_or(Err(PacketError::BadLength))?;
-        let (Some((content, crc)), true) = (packet.split_last_chunk::<CRC>(), packet.len() == length) else {
-            return Err(PacketError::BadLength);
+    pub fn decode(packet: &[u8]) -> Result<Self, Refusal> {
+        let [a, b, c, d, _, _, version, service, subtype, e, f, data @ ..] = content_of(packet, &TELECOMMAND)? else {
+            return Err(BAD_LENGTH);
         };
-        if crc16(content) != u16::from_be_bytes(*crc) {
-            return Err(PacketError::BadCrc);
-        }
-        let [a, b, c, d, _, _, version, service, subtype, e, f, data @ ..] = content else {
-            return Err(PacketError::BadLength);
-        };
-        if version & 0xF0 != PUS_C {
-            return Err(PacketError::NotPusC);
-        }
         Ok(Self {
             apid: u16::from_be_bytes([*a, *b]) & APID_MASK,
             request: [*a, *b, *c, *d],
@@ -262,7 +293,7 @@ mod tests {
             damaged[at] ^= 0x10;
             assert!(Telecommand::decode(&damaged).is_err(), "octet {at}");
         }
-        assert_eq!(Telecommand::decode(&GOLDEN), Err(PacketError::NoTelecommand));
-        assert_eq!(Telecommand::decode(&ping[..12]), Err(PacketError::BadLength));
+        assert_eq!(Telecommand::decode(&GOLDEN), Err(TELECOMMAND.other));
+        assert_eq!(Telecommand::decode(&ping[..12]), Err(BAD_LENGTH));
     }
 }

@@ -1,22 +1,12 @@
 //! The other direction: packets of a tracker's telemetry -> what it measured. For captures of a bus, whoever was on it.
 //!
-//! Each reader is the counterpart of a device, and takes what is on the line as it comes: bytes in runs of any length,
+//! Each reader is the counterpart of a device, in the file of its protocol, and takes what is on the line as it comes: bytes in runs of any length,
 //! or CAN frames, with the instant of each. Packets without attitudes, and those of others on the same
 //! line, are passed over; damaged packets are counted. A reader keeps a bounded number of bytes.
 //!
 //! Quaternions come out as everywhere in starloop, whatever sense the protocol has them in. Tests: beside the code,
 //! round trips through the devices; `tests/fuzz/targets/tracker_telemetry.rs`; `hil_scripts/test_tracker_report.py` with
 //! packets that are written there.
-
-mod canopen;
-mod ccsds;
-mod nos3;
-mod sagitta;
-
-pub use canopen::CanOpenReader;
-pub use ccsds::CcsdsReader;
-pub use nos3::Nos3Reader;
-pub use sagitta::SagittaReader;
 
 use crate::Wire;
 use base::time::Tai;
@@ -46,7 +36,7 @@ pub trait Reader {
 }
 
 /// Returns an attitude of norm 1; `None` of anything else, such as four zeros.
-fn unit(q: [f64; 4]) -> Option<[f64; 4]> {
+pub(crate) fn unit(q: [f64; 4]) -> Option<[f64; 4]> {
     /// A tracker's own rounding: 16 bits of NOS3 leave 6e-5.
     const NORM_TOLERANCE: f64 = 1e-3;
     let norm = q.iter().map(|part| part * part).sum::<f64>().sqrt();

@@ -1,10 +1,12 @@
 //! Round trips: what a device says is what its reader gives, in runs of any length; damage is counted.
 
 use super::*;
-use crate::canopen::{CanOpenDevice, NodeParams};
+use crate::canopen::{CanOpenDevice, CanOpenReader, NodeParams};
+use crate::ccsds::{CcsdsDevice, CcsdsReader};
+use crate::nos3::{Nos3Device, Nos3Reader};
+use crate::sagitta::{SagittaDevice, SagittaReader};
 use crate::sample::{lost, report};
 use crate::{Device, Limits, Report, Sense};
-use crate::{ccsds::CcsdsDevice, nos3::Nos3Device, sagitta::SagittaDevice};
 use base::time::Span;
 use firmware_protocol::can::{CanFrame, CanId};
 use proptest::prelude::*;

@@ -29,32 +29,23 @@ pub fn encode(content: &[u8]) -> Vec<u8> {
     line
 }
 
-/// Reasons to refuse a frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-pub enum SlipError {
-    /// It is longer than any.
-    #[error("the frame has more than {FRAME_MAX} bytes")]
-    TooLong,
-    /// An escape is followed by what cannot be escaped.
-    #[error("an escape byte 0xDB is followed by neither 0xDC nor 0xDD")]
-    BadEscape,
-    /// It is shorter than its hash.
-    #[error("the frame has fewer bytes than a hash")]
-    TooShort,
-    /// Its hash is that of other bytes.
-    #[error("the hash differs: wanted XXH32 with seed 1425 over all bytes before it, little-endian")]
-    BadHash,
-}
+/// Why a frame is refused.
+pub type Refusal = &'static str;
+
+const TOO_LONG: Refusal = "the frame has more than 512 bytes";
+const BAD_ESCAPE: Refusal = "an escape byte 0xDB is followed by neither 0xDC nor 0xDD";
+const TOO_SHORT: Refusal = "the frame has fewer bytes than a hash";
+const BAD_HASH: Refusal = "the hash differs: wanted XXH32 with seed 1425 over all bytes before it, little-endian";
 
 /// Content of a frame without its hash, or what is wrong with it.
-pub type Frame<'a> = Result<&'a [u8], SlipError>;
+pub type Frame<'a> = Result<&'a [u8], Refusal>;
 
 /// Puts frames together from runs of bytes of any length.
 #[derive(Debug, Default)]
 pub struct SlipReader {
     frame: Vec<u8>,
     is_escaped: bool,
-    error: Option<SlipError>,
+    error: Option<Refusal>,
 }
 
 impl SlipReader {
@@ -66,7 +57,7 @@ impl SlipReader {
                 (false, ESCAPE) => self.is_escaped = true,
                 (true, ESCAPED_END) => self.append(END),
                 (true, ESCAPED_ESCAPE) => self.append(ESCAPE),
-                (true, _) => self.error = self.error.or(Some(SlipError::BadEscape)),
+                (true, _) => self.error = self.error.or(Some(BAD_ESCAPE)),
                 (false, other) => self.append(other),
             }
         }
@@ -74,7 +65,7 @@ impl SlipReader {
 
     fn append(&mut self, byte: u8) {
         if self.frame.len() >= FRAME_MAX {
-            self.error = self.error.or(Some(SlipError::TooLong));
+            self.error = self.error.or(Some(TOO_LONG));
         } else {
             self.frame.push(byte);
         }
@@ -88,9 +79,9 @@ impl SlipReader {
         }
         let checked = match (error, frame.split_last_chunk::<HASH_BYTES>()) {
             (Some(error), _) => Err(error),
-            (None, None) => Err(SlipError::TooShort),
+            (None, None) => Err(TOO_SHORT),
             (None, Some((content, hash))) if xxh32(content, SEED) == u32::from_le_bytes(*hash) => Ok(content),
-            (None, Some(_)) => Err(SlipError::BadHash),
+            (None, Some(_)) => Err(BAD_HASH),
         };
         each(checked);
     }
@@ -101,7 +92,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn read(bytes: &[u8]) -> Vec<Result<Vec<u8>, SlipError>> {
+    fn read(bytes: &[u8]) -> Vec<Result<Vec<u8>, Refusal>> {
         let mut got = Vec::new();
         SlipReader::default().push(bytes, &mut |frame| got.push(frame.map(<[u8]>::to_vec)));
         got
@@ -121,12 +112,12 @@ mod tests {
         let mut bytes = BOOT.to_vec();
         bytes[3] ^= 1;
         bytes.extend(BOOT);
-        assert_eq!(read(&bytes), [Err(SlipError::BadHash), Ok(vec![0x21, 3, 1, 1])]);
-        assert_eq!(read(&[END, 1, END]), [Err(SlipError::TooShort)]);
-        assert_eq!(read(&[END, ESCAPE, 1, END]), [Err(SlipError::BadEscape)]);
+        assert_eq!(read(&bytes), [Err(BAD_HASH), Ok(vec![0x21, 3, 1, 1])]);
+        assert_eq!(read(&[END, 1, END]), [Err(TOO_SHORT)]);
+        assert_eq!(read(&[END, ESCAPE, 1, END]), [Err(BAD_ESCAPE)]);
         let mut long = vec![1; FRAME_MAX + 9];
         long.push(END);
-        assert_eq!(read(&long), [Err(SlipError::TooLong)]);
+        assert_eq!(read(&long), [Err(TOO_LONG)]);
     }
 
     proptest! {

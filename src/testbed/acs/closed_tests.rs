@@ -1,6 +1,6 @@
 //! Body, gyro, late tracker, estimator and control together, against the paper of [`super::pointing_error`].
 
-use super::interface::{AcsInput, Command};
+use super::params::{AcsInput, Command};
 use super::pointing_error::{PointingNoise, PointingPrediction};
 use super::test_body::{PERIOD, TestBody, params, start};
 use super::{

@@ -3,16 +3,16 @@
 //! Input: estimated attitude and rate, Sun, wheel momentum. Output: torque on the body, mode and its changes. Pure
 //! function of its inputs and time; nothing allocates.
 
-use super::interface::{AcsInput, AcsOutput, Command};
-use super::laws::{Gains, error_to_direction, gyroscopic, limited};
+use super::laws::{FeedbackLoop, Gains, error_to_direction, gyroscopic, limited};
 use super::mode_logic::{Cause, Mode, ModeEvent, ModeLogic, Situation};
-use super::params::AcsParams;
-use super::slew::{Leg, Reference, SlewLimits, SlewPath};
-use super::{avoidance::KeepOut, feedback_loop::FeedbackLoop, filter::StructuralFilter};
+use super::params::{AcsInput, AcsOutput, AcsParams, Command};
+use super::slew::{Leg, SlewLimits, SlewPath};
+use super::{avoidance::KeepOut, filter::StructuralFilter};
 use base::axes::{Body, Icrf, Rotation};
 use base::{refused::Refused, time::Tai, units::DEG};
 use core::f64::consts::TAU;
 use glam::DVec3;
+use histories::AttitudeMotion;
 
 /// The attitude control.
 #[derive(Debug, Clone)]
@@ -102,7 +102,7 @@ impl Acs {
         AcsOutput {
             torque_n_m,
             unload: self.unload,
-            mode: self.logic.mode(),
+            mode: self.logic.mode,
             target: reference.map(|reference| reference.body_from_icrf),
             error_rad,
             event,
@@ -111,7 +111,7 @@ impl Acs {
 
     /// Returns the mode.
     pub fn mode(&self) -> Mode {
-        self.logic.mode()
+        self.logic.mode
     }
 
     /// Returns the slew under way or done last, with its beginning.
@@ -121,7 +121,7 @@ impl Acs {
 
     /// Returns the mode at the next step, as far as commands go: a later command does not undo one to safe mode.
     fn mode_to_be(&self) -> Mode {
-        self.asked.map_or(self.logic.mode(), |(mode, _)| mode)
+        self.asked.map_or(self.logic.mode, |(mode, _)| mode)
     }
 
     /// Takes a new target: starts a planned turn at once when it is far off; ends a slew in progress.
@@ -143,7 +143,7 @@ impl Acs {
     /// Returns the start of a slew: in fine pointing the target, not the estimate, so that the reference goes on
     /// without a step.
     fn slew_start(&self, attitude: Rotation<Body, Icrf>) -> Rotation<Body, Icrf> {
-        let is_fine = self.logic.mode() == Mode::FinePointing;
+        let is_fine = self.logic.mode == Mode::FinePointing;
         self.target.filter(|target| is_fine && !self.is_far(&attitude, target)).unwrap_or(attitude)
     }
 
@@ -232,9 +232,9 @@ impl Acs {
         }
     }
 
-    fn reference(&self, at: Tai) -> Option<Reference> {
-        let at_rest = || self.target.map(Reference::at_rest);
-        match self.logic.mode() {
+    fn reference(&self, at: Tai) -> Option<AttitudeMotion> {
+        let at_rest = || self.target.map(AttitudeMotion::at_rest);
+        match self.logic.mode {
             Mode::Safe | Mode::RateDamping => None,
             Mode::CoarsePointing | Mode::FinePointing => at_rest(),
             Mode::Slew => match &self.slew {
@@ -244,21 +244,27 @@ impl Acs {
         }
     }
 
-    fn error(&self, input: &AcsInput, reference: Option<&Reference>) -> DVec3 {
-        if self.logic.mode() == Mode::Safe {
+    fn error(&self, input: &AcsInput, reference: Option<&AttitudeMotion>) -> DVec3 {
+        if self.logic.mode == Mode::Safe {
             return input.sun_body.map_or(DVec3::ZERO, |sun| error_to_direction(self.params.safe.sun_axis_body, sun));
         }
         let (Some(attitude), Some(wanted)) = (input.attitude, reference) else { return DVec3::ZERO };
         attitude.rotation_vector_to(&wanted.body_from_icrf)
     }
 
-    fn wanted_torque(&mut self, input: &AcsInput, reference: Option<&Reference>, error: DVec3, dt_s: f64) -> DVec3 {
+    fn wanted_torque(
+        &mut self,
+        input: &AcsInput,
+        reference: Option<&AttitudeMotion>,
+        error: DVec3,
+        dt_s: f64,
+    ) -> DVec3 {
         let j = self.params.inertia_kg_m2;
         let rate = input.rate_rad_s;
         let coupling = gyroscopic(&j, rate, input.wheel_momentum_n_m_s);
-        let wanted = reference.copied().unwrap_or_else(|| Reference::at_rest(Rotation::IDENTITY));
+        let wanted = reference.copied().unwrap_or_else(|| AttitudeMotion::at_rest(Rotation::IDENTITY));
         let limits = self.limits;
-        let control = match self.logic.mode() {
+        let control = match self.logic.mode {
             Mode::RateDamping => j * (rate * (-TAU * self.params.damping_bandwidth_hz)),
             Mode::Safe => {
                 let search = if input.sun_body.is_some() { DVec3::ZERO } else { self.params.safe.search_rate_rad_s };

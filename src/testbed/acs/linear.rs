@@ -8,7 +8,7 @@
 //! Assumptions: small angles, no saturation, attitude and rate equally late, no aliasing (frequencies well below half
 //! the control frequency). Tests: `linear_tests.rs`, against a simulated double integrator with held, late torque.
 
-use super::{complex::Complex, filter::StructuralFilter, laws::Gains};
+use super::{filter::Complex, filter::StructuralFilter, laws::Gains};
 use base::bisection::bisected;
 use core::f64::consts::TAU;
 
@@ -69,6 +69,7 @@ impl PointingLoop {
     }
 
     /// Returns `T = L / (1 + L)`: the response to a moving target, or to an error of the measured angle with its rate.
+    #[cfg(test)]
     pub fn complementary(&self, w_rad_s: f64) -> Complex {
         let open = self.open_loop(w_rad_s);
         open / (Complex::ONE + open)

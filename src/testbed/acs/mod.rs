@@ -16,11 +16,8 @@ pub mod avoidance;
 mod avoidance_tests;
 #[cfg(test)]
 mod closed_tests;
-pub mod complex;
 pub mod control;
-mod feedback_loop;
 pub mod filter;
-pub mod interface;
 pub mod laws;
 pub mod linear;
 #[cfg(test)]
@@ -41,10 +38,9 @@ mod tests;
 pub use avoidance::KeepOut;
 pub use control::Acs;
 pub use filter::StructuralFilter;
-pub use interface::{AcsInput, AcsOutput, Command};
 pub use laws::Gains;
 pub use linear::PointingLoop;
 pub use mode_logic::{Cause, Mode, ModeEvent, Thresholds};
-pub use params::{AcsParams, SafeParams, UnloadParams};
+pub use params::{AcsInput, AcsOutput, AcsParams, Command, SafeParams, UnloadParams};
 pub use pointing_error::{PointingNoise, PointingPrediction};
 pub use slew::{SlewLimits, SlewPath};

@@ -166,7 +166,8 @@ const TABLE: [Transition; ROWS] = [
 /// The mode and how long each row's condition has held.
 #[derive(Debug, Clone, Copy)]
 pub struct ModeLogic {
-    mode: Mode,
+    /// The mode.
+    pub mode: Mode,
     since: [Option<Tai>; ROWS],
     thresholds: Thresholds,
 }
@@ -175,11 +176,6 @@ impl ModeLogic {
     /// Begins in `mode`.
     pub fn new(mode: Mode, thresholds: Thresholds) -> Self {
         Self { mode, since: [None; ROWS], thresholds }
-    }
-
-    /// Returns the mode.
-    pub fn mode(&self) -> Mode {
-        self.mode
     }
 
     /// Returns one step; the event when the mode changes.

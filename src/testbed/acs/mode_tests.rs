@@ -15,7 +15,7 @@ fn time_to_change(mode: Mode, situation: &Situation) -> Option<(Span, Mode, Caus
     let mut at = start();
     while at - start() < Span::from_ms(100_000) {
         if let Some(event) = logic.step(at, situation) {
-            assert_eq!((event.at, event.from, logic.mode()), (at, mode, event.to), "event and mode agree");
+            assert_eq!((event.at, event.from, logic.mode), (at, mode, event.to), "event and mode agree");
             return Some((at - start(), event.to, event.cause));
         }
         at = at + PERIOD;

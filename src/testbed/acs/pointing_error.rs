@@ -19,7 +19,7 @@
 //! Assumptions: a tracker gain well below 1 and a tracker period short against the loop (else the updates are steps
 //! and no continuous observer). Test: `linear_tests.rs`, a simulation within 5 %.
 
-use super::{complex::Complex, linear::PointingLoop};
+use super::{filter::Complex, linear::PointingLoop};
 use crate::estimator::{Farrenkopf, GyroNoise};
 
 /// Decades below the lowest and above the highest corner that are integrated, and points per decade.
@@ -94,6 +94,7 @@ impl PointingLoop {
 
     /// Returns the equivalent noise bandwidth of the closed loop for noise of the measured angle and its rate, Hz,
     /// two-sided: `(1 / 2 pi) int |T|^2 dw` over all frequencies.
+    #[cfg(test)]
     pub fn noise_bandwidth_hz(&self) -> f64 {
         let wn = self.gains.natural_rad_s();
         bandwidth_rad_s((wn, wn), |w| self.complementary(w)) / core::f64::consts::PI

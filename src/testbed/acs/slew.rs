@@ -9,6 +9,7 @@
 use base::axes::{Body, Icrf, Rotation};
 use core::f64::consts::TAU;
 use glam::DVec3;
+use histories::AttitudeMotion;
 
 /// Most turns one slew is made of.
 pub const MOST_LEGS: usize = 3;
@@ -20,17 +21,6 @@ pub struct SlewLimits {
     pub largest_rate_rad_s: f64,
     /// Largest acceleration, rad/s^2.
     pub largest_acceleration_rad_s2: f64,
-}
-
-/// Target of the loop at one instant.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Reference {
-    /// Attitude.
-    pub body_from_icrf: Rotation<Body, Icrf>,
-    /// Rate with respect to ICRF, body axes, rad/s.
-    pub rate_rad_s: DVec3,
-    /// Its derivative, rad/s^2.
-    pub acceleration_rad_s2: DVec3,
 }
 
 /// One turn from rest to rest.
@@ -49,13 +39,6 @@ pub struct Leg {
 pub struct SlewPath {
     legs: [Leg; MOST_LEGS],
     count: usize,
-}
-
-impl Reference {
-    /// Returns a reference at rest.
-    pub fn at_rest(body_from_icrf: Rotation<Body, Icrf>) -> Self {
-        Self { body_from_icrf, rate_rad_s: DVec3::ZERO, acceleration_rad_s2: DVec3::ZERO }
-    }
 }
 
 impl Leg {
@@ -102,13 +85,13 @@ impl Leg {
     }
 
     /// Returns the target `t_s` after the start; at rest before and after the slew.
-    pub fn reference(&self, t_s: f64) -> Reference {
+    pub fn reference(&self, t_s: f64) -> AttitudeMotion {
         let left_s = self.duration_s() - t_s;
         if t_s <= 0.0 || self.angle_rad == 0.0 {
-            return Reference::at_rest(self.start);
+            return AttitudeMotion::at_rest(self.start);
         }
         if left_s <= 0.0 {
-            return Reference::at_rest(self.end());
+            return AttitudeMotion::at_rest(self.end());
         }
         let [angle, rate, acceleration] = if t_s < self.ramp_s {
             self.ramp(t_s)
@@ -119,7 +102,7 @@ impl Leg {
             let rate = self.acceleration_rad_s2 * self.ramp_s / 2.0;
             [rate * (t_s - self.ramp_s / 2.0), rate, 0.0]
         };
-        Reference {
+        AttitudeMotion {
             body_from_icrf: self.start.rotated_by(self.axis * angle),
             rate_rad_s: self.axis * rate,
             acceleration_rad_s2: self.axis * acceleration,
@@ -164,7 +147,7 @@ impl SlewPath {
     }
 
     /// Returns the target `t_s` after the start; at rest before and after the slew.
-    pub fn reference(&self, t_s: f64) -> Reference {
+    pub fn reference(&self, t_s: f64) -> AttitudeMotion {
         let mut left_s = t_s;
         for leg in &self.legs()[..self.count - 1] {
             if left_s < leg.duration_s() {

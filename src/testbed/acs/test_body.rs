@@ -1,8 +1,7 @@
 //! A rigid body with wheels for the tests of this module, and settings for it.
 
-use super::interface::{AcsInput, AcsOutput};
 use super::mode_logic::{ModeEvent, Thresholds};
-use super::params::{AcsParams, SafeParams, UnloadParams};
+use super::params::{AcsInput, AcsOutput, AcsParams, SafeParams, UnloadParams};
 use super::{avoidance::KeepOut, control::Acs, filter::StructuralFilter, laws::Gains, slew::SlewLimits};
 use base::axes::{Body, Icrf, Rotation};
 use base::time::{Span, Tai};

@@ -4,7 +4,7 @@ use super::laws::{Gains, error_to_direction, limited};
 use super::mode_logic::{Cause, Mode};
 use super::params::AcsParams;
 use super::test_body::{KEEP_OUT, PERIOD, TestBody, inertia, params, run, start};
-use super::{control::Acs, filter::StructuralFilter, interface::Command};
+use super::{control::Acs, filter::StructuralFilter, params::Command};
 use base::axes::{Body, Icrf, Rotation};
 use base::units::{ARCSEC, DEG};
 use base::{refused::Refused, time::Span};

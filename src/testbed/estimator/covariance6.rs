@@ -78,6 +78,7 @@ impl Covariance6 {
     }
 
     /// Returns the standard deviations of the bias error, rad/s, body axes.
+    #[cfg(test)]
     pub fn bias_sigma_rad_s(&self) -> DVec3 {
         root_of_diagonal(&self.bias)
     }

@@ -58,7 +58,8 @@ pub struct Mekf {
     history: History,
     started: bool,
     gated_in_a_row: u32,
-    counts: MekfCounts,
+    /// Counters so far.
+    pub counts: MekfCounts,
 }
 
 impl Mekf {
@@ -93,9 +94,10 @@ impl Mekf {
 
     /// Begins from an attitude known at `at` (not after the last gyro sample); the bias is forgotten. Gyro samples
     /// since then are worked through again. `false` when `at` is out of reach or the numbers are not usable.
+    #[cfg(test)]
     pub fn start_from(&mut self, at: Tai, body_from_icrf: &Rotation<Body, Icrf>, covariance_rad2: &DMat3) -> bool {
         let fix = Fix { attitude: *body_from_icrf, covariance_rad2: *covariance_rad2 };
-        usable(&fix) && self.restart(at, &fix) == Measured::Started
+        usable(&fix) && self.restart(at, &fix) == Ok(Measured::Started)
     }
 
     /// Returns an attitude from a star tracker that held at `at`, with its noise covariance in body axes (rad^2).
@@ -107,9 +109,9 @@ impl Mekf {
         let result = if !usable(&fix) {
             Measured::Unusable
         } else if !self.started || self.is_lost() {
-            self.restart(at, &fix)
+            self.restart(at, &fix).unwrap_or_else(|refused| refused)
         } else {
-            self.work_in(at, fix)
+            self.work_in(at, fix).unwrap_or_else(|refused| refused)
         };
         match result {
             Measured::Used { .. } => self.counts.used += 1,
@@ -160,6 +162,7 @@ impl Mekf {
     }
 
     /// Has an attitude, is not lost, and its largest sigma is below the stated one.
+    #[cfg(test)]
     pub fn is_converged(&self) -> bool {
         self.started && !self.is_lost() && self.sigma_rad().max_element() < self.params.converged_sigma_rad
     }
@@ -167,11 +170,6 @@ impl Mekf {
     /// Returns whether more attitudes in a row were refused than allowed: the next one restarts the filter.
     pub fn is_lost(&self) -> bool {
         self.gated_in_a_row > self.params.lost_after
-    }
-
-    /// Returns the counters so far.
-    pub fn counts(&self) -> MekfCounts {
-        self.counts
     }
 
     fn silence_at_end(&self, last: &Step) -> Span {
@@ -206,18 +204,13 @@ impl Mekf {
         Step { at, rate_measured_rad_s: rate, silent_for: silent, fix: None, after }
     }
 
-    fn work_in(&mut self, at: Tai, fix: Fix) -> Measured {
-        let index = match self.step_before(at) {
-            Ok(index) => index,
-            Err(refused) => return refused,
-        };
+    fn work_in(&mut self, at: Tai, fix: Fix) -> Result<Measured, Measured> {
+        let index = self.step_before(at)?;
         let mut step = self.cut(index, at);
-        let Some(normalised_innovation) = normalised_innovation(&step.after, &fix) else {
-            return Measured::Unusable;
-        };
+        let normalised_innovation = normalised_innovation(&step.after, &fix).ok_or(Measured::Unusable)?;
         if normalised_innovation > self.params.gate_sigma.powi(2) {
             self.gated_in_a_row += 1;
-            return Measured::Gated { normalised_innovation };
+            return Ok(Measured::Gated { normalised_innovation });
         }
         self.gated_in_a_row = 0;
         step.after = corrected(&step.after, &fix);
@@ -225,14 +218,11 @@ impl Mekf {
         let inserted = self.history.split_after(index, step);
         self.replay_after(inserted);
         self.history.forget();
-        Measured::Used { normalised_innovation }
+        Ok(Measured::Used { normalised_innovation })
     }
 
-    fn restart(&mut self, at: Tai, fix: &Fix) -> Measured {
-        let index = match self.step_before(at) {
-            Ok(index) => index,
-            Err(refused) => return refused,
-        };
+    fn restart(&mut self, at: Tai, fix: &Fix) -> Result<Measured, Measured> {
+        let index = self.step_before(at)?;
         let mut step = self.cut(index, at);
         step.after = fresh(&self.params, fix.attitude, fix.covariance_rad2);
         let inserted = self.history.split_after(index, step);
@@ -244,7 +234,7 @@ impl Mekf {
         self.history.forget();
         (self.started, self.gated_in_a_row) = (true, 0);
         self.counts.starts += 1;
-        Measured::Started
+        Ok(Measured::Started)
     }
 
     fn replay_after(&mut self, index: usize) {

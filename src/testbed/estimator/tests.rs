@@ -304,7 +304,7 @@ fn outliers_are_gated_and_many_of_them_mean_lost() {
     assert_eq!(filter.attitude(filter.at()), before, "a gated attitude changes nothing");
     assert!(filter.is_lost() && !filter.is_converged(), "six in a row");
     assert_eq!(filter.measure(world.at, &far, &noise_covariance()), Measured::Started);
-    assert_eq!((filter.counts().starts, filter.counts().gated), (2, 6), "both counted");
+    assert_eq!((filter.counts.starts, filter.counts.gated), (2, 6), "both counted");
     assert!(!filter.is_lost(), "found again");
 }
 
@@ -316,14 +316,14 @@ fn a_start_at_the_wrong_end_of_the_sky_is_recovered_from() {
     let wrong = turned(&world);
     assert!(sure.start_from(start(), &wrong, &noise_covariance()), "start");
     run(&mut world, &mut sure, 400);
-    assert_eq!(sure.counts().starts, 2, "{:?}", sure.counts());
+    assert_eq!(sure.counts.starts, 2, "{:?}", sure.counts);
     assert!(world.nees(&sure) < 60.0, "NEES {}", world.nees(&sure));
     // Known to be unsure: the first attitude turns it by 180 degrees at once.
     let (mut world, mut unsure) = (World::new(6), filter());
     let wrong = turned(&world);
     assert!(unsure.start_from(start(), &wrong, &(DMat3::IDENTITY * 10.0)), "start");
     run(&mut world, &mut unsure, 400);
-    assert_eq!((unsure.counts().starts, unsure.counts().gated), (1, 0), "{:?}", unsure.counts());
+    assert_eq!((unsure.counts.starts, unsure.counts.gated), (1, 0), "{:?}", unsure.counts);
     assert!(world.nees(&unsure) < 60.0, "NEES {}", world.nees(&unsure));
 }
 
@@ -338,7 +338,7 @@ fn a_silent_gyro_widens_the_sigma_until_attitudes_come() {
         filter.propagate(world.at, None);
     }
     assert_eq!(filter.rate_rad_s(), rate, "the last rate goes on");
-    assert_eq!(filter.counts().gyro_dropouts, 20);
+    assert_eq!(filter.counts.gyro_dropouts, 20);
     let wanted = params().dropout_acceleration_rad_s2 * (world.at - silent_at).s().powi(2) / 2.0;
     let got = (filter.sigma_rad().x.powi(2) - before * before).sqrt();
     assert!((got / wanted - 1.0).abs() < 0.05, "sigma {got} for {wanted}: the filter's own drift is small beside it");
@@ -374,7 +374,7 @@ fn a_late_attitude_within_a_silence_is_as_good_as_a_timely_one() {
 fn unusable_numbers_are_refused() {
     let mut filter = filter();
     filter.propagate(start() + GYRO_STEP, Some(DVec3::NAN));
-    assert!(filter.rate_rad_s().is_finite() && filter.counts().gyro_dropouts == 1, "NaN is not used as a sample");
+    assert!(filter.rate_rad_s().is_finite() && filter.counts.gyro_dropouts == 1, "NaN is not used as a sample");
     filter.propagate(start(), Some(DVec3::ONE));
     assert_eq!(filter.at(), start() + GYRO_STEP, "time does not run back");
     for bad in [DMat3::ZERO, DMat3::NAN, -DMat3::IDENTITY] {

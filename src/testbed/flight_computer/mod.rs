@@ -6,25 +6,17 @@
 //!
 //! `tests.rs` holds the wire round trip (0.02 arcsec), the time marks, jitter, faults and determinism.
 
-mod jitter;
 mod motion;
-mod received;
-mod remote_clock;
 mod schedule;
 mod slew;
-mod table;
 mod talk;
 #[cfg(test)]
 mod tests;
 
-pub use crate::attitude_truth::AttitudeTruth;
-pub use jitter::{JitterLineParams, JitterStream};
 pub use motion::{AtWaypoints, SteadyMotion, Swing, Waypoint, WaypointError, WaypointMotion};
-pub use received::Received;
-pub use remote_clock::RemoteClock;
-pub use slew::{RampShape, Slew, SlewProfile, body_from_ra_dec_roll};
-pub use table::{FileProfile, Profile};
-pub use talk::{CameraAnswers, TriggerAnswers};
+pub use schedule::{JitterLineParams, JitterStream, RemoteClock};
+pub use slew::{FileProfile, Profile, RampShape, Slew, SlewProfile, body_from_ra_dec_roll};
+pub use talk::{CameraAnswers, Received, TriggerAnswers};
 
 use crate::noise::Gaussian;
 use crate::vehicle::Vehicle;
@@ -37,6 +29,7 @@ use firmware_protocol::message::{
 use firmware_protocol::ticks::ticks_diff;
 use firmware_protocol::{Message, version};
 use glam::DVec3;
+use histories::AttitudeMotion;
 use link::{Departure, LinkError, Port, Stamped};
 use schedule::{Schedule, Stream};
 use talk::Talk;
@@ -116,30 +109,19 @@ pub enum FlightError {
     Vehicle(#[from] Refused),
 }
 
-/// Why a trigger is not sent.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-pub enum TriggerError {
-    /// The talk is behind.
-    #[error("{} commands wait for their answers already; wanted fewer at a time", talk::WAITING_MAX)]
-    Full,
-    /// Time tags are modulo 71.6 min.
-    #[error("the trigger is to act {away_s:.1} s from now; wanted within an hour: time tags on the bus wrap")]
-    TooFar {
-        /// From now, either way.
-        away_s: f64,
-    },
-}
-
 /// The simulated flight computer.
 pub struct FlightComputer {
     params: FlightComputerParams,
-    vehicle: Option<Box<Vehicle>>,
-    clock: RemoteClock,
+    /// The vehicle, when one is flown.
+    pub vehicle: Option<Box<Vehicle>>,
+    /// Its clock.
+    pub clock: RemoteClock,
     schedule: Schedule,
     talk: Talk,
     noise: Gaussian,
     sent_sync: Option<SentSync>,
-    received: Received,
+    /// The messages received from the stimulator so far.
+    pub received: Received,
 }
 
 impl FlightComputer {
@@ -157,30 +139,10 @@ impl FlightComputer {
         Self { vehicle: Some(Box::new(vehicle)), ..Self::new(params) }
     }
 
-    /// Returns the vehicle, when one is flown.
-    pub fn vehicle(&self) -> Option<&Vehicle> {
-        self.vehicle.as_deref()
-    }
-
-    /// Returns the vehicle, when one is flown.
-    pub fn vehicle_mut(&mut self) -> Option<&mut Vehicle> {
-        self.vehicle.as_deref_mut()
-    }
-
-    /// Returns its clock.
-    pub fn clock(&self) -> RemoteClock {
-        self.clock
-    }
-
     /// Returns when the next message, or the vehicle's next control step, is due.
     pub fn next_due(&self) -> Tai {
         let message = self.clock.at_us(self.schedule.next().1.min(self.talk.next_us()));
         self.vehicle.as_ref().map_or(message, |vehicle| vehicle.next_due().min(message))
-    }
-
-    /// Returns the messages received from the stimulator so far.
-    pub fn received(&self) -> &Received {
-        &self.received
     }
 
     /// Returns whether the stimulator has accepted its RUN.
@@ -193,7 +155,7 @@ impl FlightComputer {
     ///
     /// # Errors
     /// When too many are waiting to be sent, or the instant is too far away: time tags wrap.
-    pub fn send_trigger(&mut self, number: u16, at: Option<Tai>, now: Tai) -> Result<(), TriggerError> {
+    pub fn send_trigger(&mut self, number: u16, at: Option<Tai>, now: Tai) -> Result<(), Refused> {
         let at_us = self.instant_us(at, now)?;
         self.say(Request::Trigger(Trigger { number, at_us }), now)
     }
@@ -202,7 +164,7 @@ impl FlightComputer {
     ///
     /// # Errors
     /// When too many commands are waiting to be sent.
-    pub fn set_camera(&mut self, setting: CameraSetting, now: Tai) -> Result<(), TriggerError> {
+    pub fn set_camera(&mut self, setting: CameraSetting, now: Tai) -> Result<(), Refused> {
         self.say(Request::Camera(setting), now)
     }
 
@@ -210,37 +172,42 @@ impl FlightComputer {
     ///
     /// # Errors
     /// As [`Self::send_trigger`].
-    pub fn trigger_camera(&mut self, head: u8, at: Option<Tai>, now: Tai) -> Result<(), TriggerError> {
+    pub fn trigger_camera(&mut self, head: u8, at: Option<Tai>, now: Tai) -> Result<(), Refused> {
         let at_us = self.instant_us(at, now)?;
         self.say(Request::CameraTrigger(CameraTrigger { head, at_us }), now)
     }
 
     /// Returns an instant as a command carries it.
-    fn instant_us(&self, at: Option<Tai>, now: Tai) -> Result<u32, TriggerError> {
+    fn instant_us(&self, at: Option<Tai>, now: Tai) -> Result<u32, Refused> {
         match at.map(|at| at.max(now) - at.min(now)).filter(|away| *away > TRIGGER_MOST_AWAY) {
-            Some(away) => Err(TriggerError::TooFar { away_s: away.s() }),
+            Some(away) => Err(Refused(format!(
+                "the trigger is to act {:.1} s from now; wanted within an hour: time tags on the bus wrap",
+                away.s()
+            ))),
             // Zero says at once; the microsecond after it is as good.
             None => Ok(at.map_or(0, |at| wrapped(self.clock.elapsed_us(at)).max(1))),
         }
     }
 
-    fn say(&mut self, request: Request, now: Tai) -> Result<(), TriggerError> {
+    fn say(&mut self, request: Request, now: Tai) -> Result<(), Refused> {
         let is_kept = self.talk.say(request, self.clock.elapsed_us(now));
-        if is_kept { Ok(()) } else { Err(TriggerError::Full) }
+        let most = talk::WAITING_MAX;
+        let full = || Refused(format!("{most} commands wait for their answers already; wanted fewer at a time"));
+        is_kept.then_some(()).ok_or_else(full)
     }
 
     /// Returns the answers of the stimulator to camera commands.
     pub fn camera_answers(&self) -> CameraAnswers {
-        self.talk.camera_answers()
+        self.talk.camera
     }
 
     /// Returns the answers of the stimulator to triggers.
     pub fn trigger_answers(&self) -> TriggerAnswers {
-        self.talk.trigger_answers()
+        self.talk.answers
     }
 
     /// Returns the scripted attitude at `at`, without noise and jitter; `None` where a file has none.
-    pub fn truth(&self, at: Tai) -> Option<AttitudeTruth> {
+    pub fn truth(&self, at: Tai) -> Option<AttitudeMotion> {
         self.params.profile.at(at)
     }
 
@@ -348,7 +315,7 @@ impl FlightComputer {
     fn attitude_record(&mut self, due_us: u64, count: u64) -> Result<Option<AttitudeRecord>, FlightError> {
         let at = self.clock.at_us(due_us);
         let truth = match self.vehicle.as_mut() {
-            Some(vehicle) => Some(vehicle.truth(at)?),
+            Some(vehicle) => Some(vehicle.plant.truth(at)?),
             None => self.truth(at),
         };
         let Some(truth) = truth else { return Ok(None) };
@@ -387,7 +354,7 @@ impl FlightComputer {
     fn jitter_sample_arcsec(&mut self, t_us: u64) -> Result<[f32; 2], FlightError> {
         let at = self.clock.at_us(t_us);
         let rotation_rad = match self.vehicle.as_mut() {
-            Some(vehicle) => vehicle.vibration(at)?,
+            Some(vehicle) => vehicle.plant.vibration(at)?,
             None => self.jitter_truth(at),
         };
         let rotation_arcsec = rotation_rad / ARCSEC;

@@ -12,11 +12,11 @@
 //!
 //! *Limits.* Less than 180 degrees between neighbours. Tests: finite differences, and formulas written by hand.
 
-use crate::attitude_truth::AttitudeTruth;
 use base::axes::{Body, Icrf, Rotation};
 use base::time::Tai;
 use core::f64::consts::{PI, TAU};
 use glam::{DQuat, DVec3};
+use histories::AttitudeMotion;
 
 /// A turn to and fro about an axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,9 +46,9 @@ pub struct SteadyMotion {
 
 impl SteadyMotion {
     /// Returns attitude, rate and acceleration at `at`.
-    pub fn at(&self, at: Tai) -> AttitudeTruth {
+    pub fn at(&self, at: Tai) -> AttitudeMotion {
         let t_s = (at - self.zero).s();
-        let start = AttitudeTruth {
+        let start = AttitudeMotion {
             body_from_icrf: self.initial.rotated_by(self.rate_rad_s * t_s),
             rate_rad_s: self.rate_rad_s,
             acceleration_rad_s2: DVec3::ZERO,
@@ -59,7 +59,7 @@ impl SteadyMotion {
 
 impl Swing {
     /// Returns the motion of a body that turns so in the axes of `truth`.
-    fn on(&self, truth: &AttitudeTruth, t_s: f64) -> AttitudeTruth {
+    fn on(&self, truth: &AttitudeMotion, t_s: f64) -> AttitudeMotion {
         let axis = self.axis_body.normalize_or_zero();
         let angular_rad_s = TAU * self.frequency_hz;
         let (sin, cos) = (TAU * (self.frequency_hz * t_s).fract() + self.phase_rad).sin_cos();
@@ -67,7 +67,7 @@ impl Swing {
         let tilt_rad_s = axis * (self.amplitude_rad * angular_rad_s * cos);
         let into_turned = DQuat::from_scaled_axis(-turn);
         let rate = into_turned * truth.rate_rad_s;
-        AttitudeTruth {
+        AttitudeMotion {
             body_from_icrf: truth.body_from_icrf.rotated_by(turn),
             rate_rad_s: rate + tilt_rad_s,
             acceleration_rad_s2: into_turned * truth.acceleration_rad_s2
@@ -166,9 +166,9 @@ impl WaypointMotion {
     }
 
     /// Returns attitude, rate and acceleration `t_s` after the zero of the motion.
-    pub fn at_s(&self, t_s: f64) -> AttitudeTruth {
+    pub fn at_s(&self, t_s: f64) -> AttitudeMotion {
         let place = self.pieces.partition_point(|piece| piece.begin_s <= t_s);
-        let resting = |body_from_icrf| AttitudeTruth {
+        let resting = |body_from_icrf| AttitudeMotion {
             body_from_icrf,
             rate_rad_s: DVec3::ZERO,
             acceleration_rad_s2: DVec3::ZERO,
@@ -224,9 +224,9 @@ fn quintic(turn_rad: DVec3, length_s: f64, [begin_rate, end_rate]: [DVec3; 2]) -
 }
 
 impl Piece {
-    fn at(&self, t_s: f64) -> AttitudeTruth {
+    fn at(&self, t_s: f64) -> AttitudeMotion {
         let [phi, slope, curvature] = [0, 1, 2].map(|order| self.derivative(order, t_s));
-        AttitudeTruth {
+        AttitudeMotion {
             body_from_icrf: self.from.rotated_by(phi),
             rate_rad_s: rate_of_slope(phi, slope),
             acceleration_rad_s2: acceleration_of_curvature(phi, slope, curvature),

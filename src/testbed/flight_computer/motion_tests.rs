@@ -6,7 +6,7 @@ const ZERO: Tai = Tai::from_ns(5_000_000_000);
 const STEP_S: f64 = 1e-4;
 
 /// Returns the largest differences of rate and acceleration from the central differences of attitude and rate.
-fn differences(at_s: impl Fn(f64) -> AttitudeTruth, t_s: f64) -> [f64; 2] {
+fn differences(at_s: impl Fn(f64) -> AttitudeMotion, t_s: f64) -> [f64; 2] {
     let (before, now, later) = (at_s(t_s - STEP_S), at_s(t_s), at_s(t_s + STEP_S));
     let turned = before.body_from_icrf.rotation_vector_to(&later.body_from_icrf) / (2.0 * STEP_S);
     let change = (later.rate_rad_s - before.rate_rad_s) / (2.0 * STEP_S);
@@ -34,7 +34,7 @@ fn steady_motion_has_the_derivatives_it_says() {
         assert!(rate < 2e-8 && acceleration < 1.2e-7, "{t_s} s: {rate:.1e}, {acceleration:.1e}");
     }
     let wrong = SteadyMotion { rate_rad_s: -motion.rate_rad_s, ..motion.clone() };
-    let mixed = |t_s: f64| AttitudeTruth {
+    let mixed = |t_s: f64| AttitudeMotion {
         rate_rad_s: wrong.at(ZERO + Span::from_s(t_s)).rate_rad_s,
         ..motion.at(ZERO + Span::from_s(t_s))
     };

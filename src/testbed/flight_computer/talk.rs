@@ -4,9 +4,11 @@
 //! In: time, commands to say, responses. Out: commands when due, one at a time. A refusal of HELLO, INFO or RUN ends
 //! the talk: nothing is said any more; that of a later command is counted. Limits: one talk per boot, begun with the
 //! stream. Tests: below, `tests/closed_loop/session.rs` and `triggers.rs`.
+//! Messages received are counted, and the last of each kind is kept ([`Received`]).
 
-use firmware_protocol::message::{Command, Refusal, Reply, Request, Response};
-use firmware_protocol::version;
+use firmware_protocol::message::{CameraStatus, Command, Exposure, Refusal, Reply, Request, Response, StatusPage};
+use firmware_protocol::{Message, version};
+use link::Stamped;
 use std::collections::VecDeque;
 
 /// A command that is not answered is said again after this, us.
@@ -56,8 +58,10 @@ pub(super) struct Talk {
     is_refused: bool,
     /// The first is being said.
     waiting: VecDeque<Request>,
-    answers: TriggerAnswers,
-    camera: CameraAnswers,
+    /// The answers of the stimulator to triggers.
+    pub(super) answers: TriggerAnswers,
+    /// The answers of the stimulator to camera commands.
+    pub(super) camera: CameraAnswers,
 }
 
 impl Talk {
@@ -83,16 +87,6 @@ impl Talk {
         }
         self.waiting.push_back(request);
         true
-    }
-
-    /// Returns the answers of the stimulator to triggers.
-    pub(super) fn trigger_answers(&self) -> TriggerAnswers {
-        self.answers
-    }
-
-    /// Returns the answers of the stimulator to camera commands.
-    pub(super) fn camera_answers(&self) -> CameraAnswers {
-        self.camera
     }
 
     /// Returns the request that is sent until it is answered.
@@ -148,6 +142,55 @@ impl Talk {
     }
 }
 
+/// Counts of what came in, and the newest of each kind.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Received {
+    /// EXPOSURE messages.
+    pub exposures: u64,
+    /// The newest EXPOSURE.
+    pub last_exposure: Option<Stamped<Exposure>>,
+    /// STATUS pages.
+    pub status_pages: u64,
+    /// The newest STATUS page.
+    pub last_status: Option<Stamped<StatusPage>>,
+    /// CAMERA_STATUS pages.
+    pub camera_pages: u64,
+    /// The newest CAMERA_STATUS page.
+    pub last_camera: Option<Stamped<CameraStatus>>,
+    /// Other messages.
+    pub others: u64,
+}
+
+impl Received {
+    pub(super) fn count(&mut self, message: Stamped<Message>) {
+        let at = message.at;
+        match message.value {
+            Message::Exposure(value) => {
+                self.exposures += 1;
+                self.last_exposure = Some(Stamped { at, value });
+            }
+            Message::Status(value) => {
+                self.status_pages += 1;
+                self.last_status = Some(Stamped { at, value });
+            }
+            Message::Camera(value) => {
+                self.camera_pages += 1;
+                self.last_camera = Some(Stamped { at, value });
+            }
+            Message::Sync(_)
+            | Message::TimeFollowUp(_)
+            | Message::Attitude(_)
+            | Message::Jitter(_)
+            | Message::JitterPair(_)
+            | Message::Wheels(_)
+            | Message::Table(_)
+            | Message::Command(_)
+            | Message::Response(_)
+            | Message::Heartbeat(_) => self.others += 1,
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -191,7 +234,7 @@ mod tests {
         let second = talk.take(600_000).unwrap();
         assert_eq!(second, Command { token: 5, request: trigger(2) }, "the talk goes on");
         answer(&mut talk, 5, Reply::Triggered(Triggered { number: 2, is_late: true }), 700_000);
-        assert_eq!(talk.trigger_answers(), TriggerAnswers { taken: 1, late: 1, refused: 1 });
+        assert_eq!(talk.answers, TriggerAnswers { taken: 1, late: 1, refused: 1 });
         assert_eq!((talk.next_us(), talk.is_running()), (u64::MAX, true));
         assert!(talk.say(trigger(3), 800_000));
         assert_eq!((talk.next_us(), talk.take(800_000).unwrap().token), (800_000, 6), "due when it was asked for");
@@ -215,8 +258,8 @@ mod tests {
         assert_eq!(talk.take(40), Some(Command { token: 6, request: trigger }));
         answer(&mut talk, 6, Reply::CameraTriggered(CameraTriggered { head: 0, is_late: true }), 50);
         let last_refusal = Some(Refusal::CameraRange);
-        assert_eq!(talk.camera_answers(), CameraAnswers { set: 1, triggered: 1, late: 1, refused: 1, last_refusal });
-        assert_eq!(talk.trigger_answers(), TriggerAnswers::default());
+        assert_eq!(talk.camera, CameraAnswers { set: 1, triggered: 1, late: 1, refused: 1, last_refusal });
+        assert_eq!(talk.answers, TriggerAnswers::default());
     }
 
     #[test]

@@ -109,7 +109,7 @@ fn records(messages: &[Stamped<Message>]) -> Vec<AttitudeRecord> {
 }
 
 fn wire_error_arcsec(computer: &FlightComputer, record: &AttitudeRecord) -> f64 {
-    let truth = computer.truth(computer.clock().at_us(u64::from(record.t_us))).unwrap();
+    let truth = computer.truth(computer.clock.at_us(u64::from(record.t_us))).unwrap();
     let got = Rotation::<Body, Icrf>::from_wxyz(record.q_wxyz.map(f64::from), 1e-3).unwrap();
     truth.body_from_icrf.rotation_vector_to(&got).length() / ARCSEC
 }
@@ -124,7 +124,7 @@ fn attitude_survives_every_wire_to_0_02_arcsec() {
         assert!(worst < WIRE_ARCSEC, "{format:?}: {worst} arcsec");
         assert!(worst > 0.0, "{format:?}: nothing was compared");
         for record in &records {
-            let truth = bench.computer.truth(bench.computer.clock().at_us(u64::from(record.t_us))).unwrap();
+            let truth = bench.computer.truth(bench.computer.clock.at_us(u64::from(record.t_us))).unwrap();
             let rate = DVec3::from_array(record.rate_rad_s.map(f64::from));
             // Half of 1 urad/s per axis in the classic group.
             assert!((rate - truth.rate_rad_s).length() < 1e-6, "{format:?}: {rate} for {}", truth.rate_rad_s);
@@ -155,7 +155,7 @@ fn time_marks_report_when_the_sync_left() {
             } else if let Message::TimeFollowUp(mark) = message.value {
                 let (counter, at) = arrived.take().expect("a follow-up follows a SYNC");
                 assert_eq!(mark.counter, counter);
-                let left_ns = bench.computer.clock().elapsed_ns(at - LATENCY);
+                let left_ns = bench.computer.clock.elapsed_ns(at - LATENCY);
                 assert!(mark.scet.ns().abs_diff(left_ns) <= MARK_NS, "{format:?}: {:?}, {left_ns}", mark.scet);
                 marks += 1;
             }
@@ -215,7 +215,7 @@ fn jitter_samples_are_the_truth_at_their_times() {
         assert!(samples.len() > 480, "{format:?}: 1 kHz for 0.5 s, got {}", samples.len());
         for (i, (t_us, sample)) in samples.iter().enumerate() {
             assert_eq!(*t_us, 1000 * i as u64, "{format:?}: without gaps");
-            let truth = bench.computer.jitter_truth(bench.computer.clock().at_us(*t_us)) / ARCSEC;
+            let truth = bench.computer.jitter_truth(bench.computer.clock.at_us(*t_us)) / ARCSEC;
             let error = (f64::from(sample[0]) - truth.x).abs().max((f64::from(sample[1]) - truth.y).abs());
             assert!(error < JITTER_ARCSEC, "{format:?} {t_us} us: {sample:?} for {truth}");
         }
@@ -304,7 +304,7 @@ fn messages_of_the_stimulator_are_counted() {
     let page = StatusPage::Clock { drift_0_1ppm: 150, residual_ns: 3 };
     bench.far.send(&Message::Status(page)).unwrap();
     bench.run(Span::from_ms(100));
-    let received = bench.computer.received();
+    let received = &bench.computer.received;
     assert_eq!((received.exposures, received.status_pages, received.others), (1, 1, 0));
     assert_eq!(received.last_exposure.unwrap().value, exposure);
     assert_eq!(received.last_status.unwrap().value, page);

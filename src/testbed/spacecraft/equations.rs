@@ -198,6 +198,7 @@ impl Equations {
     }
 
     /// Returns the kinetic and elastic energy, J.
+    #[cfg(test)]
     pub(super) fn energy(&self, state: &State) -> f64 {
         let mut energy = 0.5 * state.rate.dot(self.inertia * state.rate);
         for (rotor, speed) in self.rotors.iter().zip(&state.speeds) {

@@ -13,36 +13,31 @@ use base::refused::Refused;
 
 mod check;
 mod equations;
-mod free_modes;
 mod gyro;
 mod history;
 mod micro_vibration;
 mod motors;
 mod orbit;
 mod params;
-mod sun;
-mod test_torque;
-mod vibration_lines;
 #[cfg(test)]
 mod tests;
 
-pub use crate::attitude_truth::AttitudeTruth;
 pub use check::is_inertia;
 pub use gyro::{Gyro, GyroFault, GyroParams, GyroReading};
 pub use micro_vibration::MicroVibration;
-pub use orbit::CircularOrbit;
+pub use motors::TestTorque;
+pub use orbit::{CircularOrbit, SunReading, SunSensor, sun_direction_icrf};
 pub use params::{
     CircularOrbitParams, DisturbanceParams, FlexibleMode, Harmonic, MODES_MAX, SpacecraftParams, UnloadingParams,
     WHEELS_MAX, WheelParams,
 };
-pub use sun::{SunReading, SunSensor, sun_direction_icrf};
-pub use test_torque::TestTorque;
 
 use crate::noise::Gaussian;
 use base::axes::{Body, Icrf, Rotation};
 use base::time::{Span, Tai};
 use equations::{Equations, Held, State};
 use glam::DVec3;
+use histories::AttitudeMotion;
 use history::History;
 use motors::Motors;
 
@@ -132,7 +127,7 @@ impl Spacecraft {
     ///
     /// # Errors
     /// When `at` is not kept.
-    pub fn attitude_at(&self, at: Tai) -> Result<AttitudeTruth, Refused> {
+    pub fn attitude_at(&self, at: Tai) -> Result<AttitudeMotion, Refused> {
         let (first, last) = (self.boundary(self.steps.oldest()), self.time());
         let outside = Refused(format!("no truth kept for {at}: kept are {first} to {last}"));
         if at < first || at > last {
@@ -221,16 +216,19 @@ impl Spacecraft {
 
     /// Returns the angular momentum of everything at [`Self::time`], ICRF, N m s: constant without torques from
     /// outside.
+    #[cfg(test)]
     pub fn momentum_icrf_n_m_s(&self) -> DVec3 {
         self.state.q.conjugate() * self.equations.momentum(&self.state)
     }
 
     /// Returns the kinetic and elastic energy at [`Self::time`], J: constant without torques, friction and damping.
+    #[cfg(test)]
     pub fn energy_j(&self) -> f64 {
         self.equations.energy(&self.state)
     }
 
     /// Returns the modal coordinates at [`Self::time`], sqrt(kg) m.
+    #[cfg(test)]
     pub fn modal_coordinates(&self) -> &[f64] {
         &self.state.modal[..self.equations.modes.len()]
     }
@@ -273,8 +271,8 @@ impl Spacecraft {
         (self.wheel_momentum_n_m_s() * -self.unloading.gain_per_s).clamp(-largest, largest)
     }
 
-    fn truth(&self, state: &State, held: &Held, at: Tai) -> AttitudeTruth {
-        AttitudeTruth {
+    fn truth(&self, state: &State, held: &Held, at: Tai) -> AttitudeMotion {
+        AttitudeMotion {
             body_from_icrf: Rotation::from_quat(state.q),
             rate_rad_s: state.rate,
             acceleration_rad_s2: self.equations.acceleration(state, held, self.since_start_s(at)),

@@ -5,7 +5,8 @@
 //! pixels, whose light sits in one pixel more than any spot's could. Limit: two stars closer than about 3 spot widths
 //! are one spot. Tests: `stars_are_found_and_hot_pixels_are_not`, `noise_gives_few_spots`.
 
-use super::{background::BackgroundGrid, error::Reason, params::TrackerParams};
+use super::background::BackgroundGrid;
+use super::params::{Reason, TrackerParams};
 use base::image::DnImage;
 use glam::DVec2;
 

@@ -9,8 +9,9 @@ use super::centroid::{centre_of_gravity, gaussian_fit};
 use super::command::{CameraOrders, CameraWish, Exposed, better_exposure, reached_mid};
 use super::detect::{Blob, Detector, PEAK_SIGMA};
 use super::identify::{Identifier, Sighting};
+use super::params::{Reason, TrackerParams};
 use super::track::{Follower, Prediction, refuse_bright, ring_about, set_background, spot_model, trail_of};
-use super::{background::BackgroundGrid, error::Reason, guide::GuideStars, params::TrackerParams};
+use super::{background::BackgroundGrid, guide::GuideStars};
 use base::axes::{Icrf, Rotation, Sensor};
 use base::time::{Span, Tai};
 use base::{image::DnImage, region::Regions};
@@ -93,16 +94,18 @@ struct Track {
 #[derive(Debug, Clone)]
 pub struct Tracker {
     params: TrackerParams,
-    guide: Arc<GuideStars>,
+    pub(crate) guide: Arc<GuideStars>,
     grid: BackgroundGrid,
     detector: Detector,
     identifier: Identifier,
     follower: Follower,
     sightings: Vec<Sighting>,
-    matches: Vec<MatchedStar>,
+    /// Stars of the last image that gave an attitude, brightest first; outliers are marked unused.
+    pub(crate) matches: Vec<MatchedStar>,
     samples: Vec<u16>,
     track: Option<Track>,
-    counts: TrackerCounts,
+    /// Frames by what became of them.
+    pub counts: TrackerCounts,
     /// Exposure time of the camera's file, s.
     own_exposure_s: f64,
     /// Parts of the next image that were read out.
@@ -188,21 +191,6 @@ impl Tracker {
     /// Forgets the attitude: the next image is lost in space.
     pub fn forget(&mut self) {
         self.track = None;
-    }
-
-    /// Returns frames by what became of them.
-    pub fn counts(&self) -> TrackerCounts {
-        self.counts
-    }
-
-    /// Returns the stars of the last image that gave an attitude, brightest first; outliers are marked unused.
-    pub fn matched_stars(&self) -> &[MatchedStar] {
-        &self.matches
-    }
-
-    /// Returns the guide stars [`MatchedStar::star`] counts in.
-    pub fn guide_stars(&self) -> &GuideStars {
-        &self.guide
     }
 
     fn count(&mut self, outcome: Result<Solution, Reason>) -> Outcome {

@@ -11,9 +11,10 @@
 //! `mirrored_skies_and_noise_are_refused`.
 
 use super::adjust::{Adjusted, MatchedStar, adjust};
-use super::guide::{Expected, GuideStars};
-use super::wahba::{Observation, davenport};
-use super::{aberration::apparent, centroid::Spot, error::Reason, pairs::angle_of_chord, params::TrackerParams};
+use super::centroid::Spot;
+use super::geometry::{Observation, davenport};
+use super::guide::{Expected, GuideStars, angle_of_chord, apparent};
+use super::params::{Reason, TrackerParams};
 use base::axes::{Icrf, Rotation, Sensor};
 use core::f64::consts::PI;
 use glam::{DVec2, DVec3};
@@ -141,14 +142,14 @@ impl Identifier {
     /// Finds all triples of pattern stars with the triangle's three angles and its sense of turn.
     fn find_hypotheses(&mut self, search: &Search<'_>, [i, j, k]: Triangle) {
         self.hypotheses.clear();
-        let pairs = search.guide.pairs();
+        let pairs = &search.guide.pairs;
         let (ij, ij_tolerance) = search.side(i, j);
         let (ik, ik_tolerance) = search.side(i, k);
         let (jk, jk_tolerance) = search.side(j, k);
         self.chain(pairs.within(ik, ik_tolerance));
         let (low, high) = (chord(jk - jk_tolerance), chord(jk + jk_tolerance));
         let turn = search.turn([i, j, k].map(|at| search.sightings[at].direction));
-        let stars = search.guide.pattern_directions();
+        let stars = &search.guide.pattern_directions;
         for &[one, other] in pairs.within(ij, ij_tolerance) {
             for (a, b) in [(one, other), (other, one)] {
                 let mut link = self.first[a as usize];
@@ -244,7 +245,7 @@ impl Search<'_> {
         let (a, b) = (&self.sightings[one], &self.sightings[other]);
         let chord = a.direction.distance(b.direction);
         let place_px = TOLERANCE_SIGMA * a.spot.sigma_px().hypot(b.spot.sigma_px()) + PLACE_FLOOR_PX;
-        let aberration = (self.beta - self.guide.pattern_beta()).length() * chord;
+        let aberration = (self.beta - self.guide.pattern_beta).length() * chord;
         (angle_of_chord(chord), place_px * self.params.geometry.ifov_rad() + aberration)
     }
 
@@ -265,7 +266,7 @@ impl Search<'_> {
     fn attitude_of(&self, triangle: Triangle, stars: [u32; 3]) -> Rotation<Sensor, Icrf> {
         davenport(triangle.into_iter().zip(stars).map(|(at, star)| Observation {
             measured: self.sightings[at].direction,
-            reference: apparent(self.guide.stars()[star as usize].direction_icrf, self.beta),
+            reference: apparent(self.guide.stars[star as usize].direction_icrf, self.beta),
             weight: 1.0,
         }))
     }

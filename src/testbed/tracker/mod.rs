@@ -15,36 +15,27 @@
 //! right, +Y image down). Limits: round Gaussian spots drawn out along straight trails; parallax, light deflection and
 //! colour are left out. Tests: `tests`, and those each file names.
 
-mod aberration;
 mod adjust;
 mod background;
-mod blend;
 mod centroid;
 mod command;
 mod detect;
-mod error;
-mod errors;
 mod geometry;
 mod guide;
 mod head;
 mod identify;
-mod pairs;
 mod params;
 mod star_noise;
 mod track;
-mod wahba;
 
-pub use aberration::{apparent, earth_beta, uncorrected_turn};
 pub use adjust::MatchedStar;
 pub use centroid::Spot;
 pub use command::{CameraOrders, CameraWish, Exposed};
-pub use error::Reason;
-pub use errors::{AttitudePair, ErrorTerms, error_terms, predicted_nea_rad};
 pub use geometry::Geometry;
-pub use guide::{GuideStar, GuideStars};
+pub use guide::{GuideStar, GuideStars, apparent, earth_beta, uncorrected_turn};
 pub use head::{Mode, Outcome, Solution, Tracker, TrackerCounts};
-pub use params::{DetectorFigures, TrackerParams};
-pub use star_noise::{ExposedLight, FieldNoise, StarNoise};
+pub use params::{DetectorFigures, Reason, TrackerParams};
+pub use star_noise::{AttitudePair, ErrorTerms, ExposedLight, FieldNoise, StarNoise, error_terms, predicted_nea_rad};
 
 #[cfg(test)]
 mod tests;

@@ -16,9 +16,27 @@
 //! disc that is left out. Stars below five standard deviations of their flux do not count. Bound: a place's standard
 //! deviation within 5 % of that of `gaussian_fit`, an attitude's within 20 % of the built-in tracker's own estimate.
 //! Tests: `tests/star_noise.rs`, on both sides of the edge.
+//!
+//! Beside the prediction, the terms of measured errors: measured and true attitudes -> terms as ECSS-E-ST-60-20C Rev.2 names them, per sensor axis.
+//!
+//! The series is a row of **stations**: runs of samples with one true attitude (to a hundredth of a pixel). With `m`
+//! samples each, and the mean error `e_i` of station `i`:
+//!
+//! * bias: the mean of all `e_i`;
+//! * noise equivalent angle (temporal noise): the pooled standard deviation within stations, `m - 1` degrees of freedom
+//!   each;
+//! * FOV spatial error (slow over the field): what neighbouring stations share, the covariance of `e_i` and `e_i+1`
+//!   about the bias; noise of different stations does not enter it;
+//! * pixel spatial error (of the sub-pixel position): what is left of the variance of `e_i` after the FOV spatial error
+//!   and the noise of a mean of `m` samples.
+//!
+//! Assumptions: neighbouring stations are some pixels apart, by no whole number of pixels, and close against the field.
+//! Without repeats at stations, noise and pixel spatial error cannot be separated: the first then contains both, and
+//! the second is `None`. Variances that come out negative are zero. Tests: `terms_are_distinguished`,
+//! `noise_agrees_with_prediction`.
 
-use super::guide::{Expected, GuideStars};
-use super::{geometry::Geometry, params::TrackerParams};
+use crate::tracker::guide::{Expected, GuideStars};
+use crate::{tracker::geometry::Geometry, tracker::params::TrackerParams};
 use base::axes::{Icrf, Rotation, Sensor, attitude_of_uniforms};
 use core::f64::consts::{PI, TAU};
 use glam::{DMat3, DVec2, DVec3};
@@ -76,7 +94,8 @@ pub struct StarNoise {
     light: ExposedLight,
     /// Of the guide stars that are bright enough.
     places: Vec<Place>,
-    sky_sigma_rad: DVec3,
+    /// The root mean square over the sky, about x, y and z, rad.
+    pub sky_sigma_rad: DVec3,
     sky_spatial_rad: DVec3,
     expected: Vec<Expected>,
 }
@@ -135,14 +154,9 @@ impl StarNoise {
         if spot.saturation_e <= 0.0 {
             return;
         }
-        let fluxes_e = guide.stars().iter().map(|star| light.zero_magnitude_e * 10_f64.powf(-0.4 * star.mag_g));
+        let fluxes_e = guide.stars.iter().map(|star| light.zero_magnitude_e * 10_f64.powf(-0.4 * star.mag_g));
         let least_e = spot.least_flux_e();
         places.extend(fluxes_e.take_while(|flux_e| *flux_e > least_e).map(|flux_e| spot.place(flux_e)));
-    }
-
-    /// Returns the root mean square over the sky, about x, y and z, rad.
-    pub fn sky_sigma_rad(&self) -> DVec3 {
-        self.sky_sigma_rad
     }
 
     /// Returns the noise at an attitude; `None` where too few stars are.
@@ -307,4 +321,103 @@ impl StarNoise {
     pub(super) fn place_sigma_px(params: &TrackerParams, light: &ExposedLight, flux_e: f64) -> f64 {
         SpotLight::new(params, light).place(flux_e).variance_px2.sqrt()
     }
+}
+
+/// Two true attitudes closer than this are one station, px.
+const ONE_STATION_PX: f64 = 0.01;
+/// Fewest stations that define a spatial error.
+const FEWEST_STATIONS: usize = 3;
+
+/// One measured attitude and the true one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AttitudePair {
+    /// The attitude measured by the tracker.
+    pub measured: Rotation<Sensor, Icrf>,
+    /// The true attitude.
+    pub truth: Rotation<Sensor, Icrf>,
+}
+
+/// The error terms, rad, 1 sigma, about the sensor's X, Y and Z axes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ErrorTerms {
+    /// Mean error.
+    pub bias_rad: DVec3,
+    /// Noise equivalent angle.
+    pub nea_rad: DVec3,
+    /// Slow over the field.
+    pub fov_spatial_rad: DVec3,
+    /// Of the sub-pixel position; `None` when no station has repeats.
+    pub pixel_spatial_rad: Option<DVec3>,
+    /// Stations of the series.
+    pub stations: usize,
+    /// Samples of the series.
+    pub samples: usize,
+}
+
+struct Station {
+    mean: DVec3,
+    /// Sum of squares about the mean.
+    scatter: DVec3,
+    samples: f64,
+}
+
+/// Returns the error terms of a series in order of time; `None` with fewer than three stations.
+pub fn error_terms(series: &[AttitudePair], geometry: &Geometry) -> Option<ErrorTerms> {
+    let reach_rad = ONE_STATION_PX * geometry.ifov_rad();
+    let same = |a: &AttitudePair, b: &AttitudePair| a.truth.rotation_vector_to(&b.truth).length() <= reach_rad;
+    let stations: Vec<_> = series.chunk_by(same).map(station).collect();
+    if stations.len() < FEWEST_STATIONS {
+        return None;
+    }
+    let count = stations.len() as f64;
+    let bias_rad = stations.iter().map(|s| s.mean).sum::<DVec3>() / count;
+    let spread = stations.iter().map(|s| square(s.mean - bias_rad)).sum::<DVec3>() / (count - 1.0);
+    let shared = stations.windows(2).map(|two| (two[0].mean - bias_rad) * (two[1].mean - bias_rad));
+    let fov = (shared.sum::<DVec3>() / (count - 1.0)).max(DVec3::ZERO);
+    let freedom = series.len() as f64 - count;
+    let rest = (spread - fov).max(DVec3::ZERO);
+    let (noise, pixel_spatial_rad) = if freedom > 0.0 {
+        let noise = stations.iter().map(|s| s.scatter).sum::<DVec3>() / freedom;
+        let mean_inverse = stations.iter().map(|s| 1.0 / s.samples).sum::<f64>() / count;
+        (noise, Some(root((rest - noise * mean_inverse).max(DVec3::ZERO))))
+    } else {
+        (rest, None)
+    };
+    let (nea_rad, fov_spatial_rad) = (root(noise), root(fov));
+    Some(ErrorTerms {
+        bias_rad,
+        nea_rad,
+        fov_spatial_rad,
+        pixel_spatial_rad,
+        stations: stations.len(),
+        samples: series.len(),
+    })
+}
+
+/// Returns the noise equivalent angle, rad about X, Y and Z, of `stars` stars spread evenly over the field, each with
+/// the place's error `sigma_px` per axis: `sigma ifov / sqrt(N)` across, and about the boresight the same over the
+/// stars' root mean square distance from it in tangent coordinates (Liebe, "Accuracy performance of star trackers: a
+/// tutorial", IEEE Trans. AES 38 (2002), 587, with a uniform rectangle in place of his mean distance).
+pub fn predicted_nea_rad(geometry: &Geometry, stars: u32, sigma_px: f64) -> DVec3 {
+    let across_rad = sigma_px * geometry.ifov_rad() / f64::from(stars).sqrt();
+    let width = geometry.width_px as f64 / geometry.focal_px[0];
+    let height = geometry.height_px as f64 / geometry.focal_px[1];
+    let distance = ((width * width + height * height) / 12.0).sqrt();
+    DVec3::new(across_rad, across_rad, across_rad / distance)
+}
+
+fn station(samples: &[AttitudePair]) -> Station {
+    let count = samples.len() as f64;
+    let error = |pair: &AttitudePair| pair.truth.rotation_vector_to(&pair.measured);
+    let mean = samples.iter().map(error).sum::<DVec3>() / count;
+    let scatter = samples.iter().map(|pair| square(error(pair) - mean)).sum();
+    Station { mean, scatter, samples: count }
+}
+
+fn root(variance: DVec3) -> DVec3 {
+    DVec3::new(variance.x.sqrt(), variance.y.sqrt(), variance.z.sqrt())
+}
+
+fn square(v: DVec3) -> DVec3 {
+    v * v
 }

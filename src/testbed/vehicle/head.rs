@@ -3,11 +3,12 @@
 //! A frame is matched to the EXPOSURE message of its number (modulo 256); one without is not used, and counted.
 //! Attitudes come out in the order of their readiness. Tests: `tests` of the vehicle.
 
-use super::params::HeadParams;
-use crate::tracker::{CameraWish, Exposed, GuideStars, Outcome, Solution, Tracker};
+use crate::tracker::{CameraOrders, CameraWish, Exposed, GuideStars, Outcome, Solution, Tracker, TrackerParams};
+use base::axes::{Body, Icrf, Rotation, Sensor};
 use base::time::{Span, Tai};
-use base::{axes::Rotation, image::DnImage};
-use glam::DVec3;
+use base::{image::DnImage, refused::Refused};
+use glam::{DMat3, DVec3};
+use stars::catalog::Catalog;
 use std::{collections::VecDeque, sync::Arc};
 
 /// Time tags kept: a frame that is later than so many others is not used.
@@ -15,6 +16,19 @@ const TAGS: usize = 64;
 
 /// An attitude older than this says nothing of how the tracker does now.
 const FRESH: Span = Span::from_ms(1500);
+
+/// One head.
+#[derive(Debug, Clone, Copy)]
+pub struct HeadParams {
+    /// Mounting.
+    pub sensor_from_body: Rotation<Sensor, Body>,
+    /// Parameters of the tracker.
+    pub tracker: TrackerParams,
+    /// From the last pixel to the attitude.
+    pub delay: Span,
+    /// Limits of its commands to its camera; `None`: it sends none.
+    pub orders: Option<CameraOrders>,
+}
 
 /// Last result of a head.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,10 +43,75 @@ pub struct HeadReport {
     pub ignored: u64,
 }
 
+/// The heads of a vehicle.
+#[derive(Debug)]
+pub struct Heads(pub(super) Vec<Head>);
+
+impl Heads {
+    /// Returns heads without frames; equal trackers share one list of guide stars.
+    pub(super) fn new(params: &[HeadParams], start: Tai) -> Result<Self, Refused> {
+        let catalog = Catalog::built_in().map_err(|why| Refused(format!("catalog: {why}")))?;
+        let mut guides: Vec<(TrackerParams, Arc<GuideStars>)> = Vec::new();
+        let mut heads = Vec::with_capacity(params.len());
+        for head in params {
+            let known = guides.iter().find(|(tracker, _)| *tracker == head.tracker).map(|(_, guide)| Arc::clone(guide));
+            let guide = match known {
+                Some(guide) => guide,
+                None => {
+                    let guide = Arc::new(GuideStars::new(&catalog, &head.tracker, start)?);
+                    guides.push((head.tracker, Arc::clone(&guide)));
+                    guide
+                }
+            };
+            heads.push(Head::new(*head, guide));
+        }
+        Ok(Self(heads))
+    }
+
+    /// Notes when a frame was exposed.
+    pub(super) fn tag(&mut self, frame: u8, mid_exposure: Tai) {
+        self.0.iter_mut().for_each(|head| head.tag(frame, mid_exposure));
+    }
+
+    /// Returns whether the EXPOSURE message of a frame has come.
+    pub fn has_tag(&self, head: usize, number: u32) -> bool {
+        self.0.get(head).is_some_and(|head| head.tag_of(number).is_some())
+    }
+
+    /// Takes how the next frame of a head was exposed, where that is not as the camera's file says.
+    pub fn expose(&mut self, head: usize, exposed: &Exposed) {
+        if let Some(head) = self.0.get_mut(head) {
+            head.tracker.expose(exposed);
+        }
+    }
+
+    /// Returns what a head's tracker asks of its camera after the last frame, once.
+    pub fn take_wish(&mut self, head: usize) -> Option<CameraWish> {
+        self.0.get_mut(head)?.wish.take()
+    }
+
+    /// Returns the last result of each head.
+    pub fn reports(&self) -> impl Iterator<Item = &HeadReport> {
+        self.0.iter().map(|head| &head.report)
+    }
+
+    /// Switches one head, or all of them, off or on again.
+    pub(super) fn switch(&mut self, head: Option<usize>, is_off: bool) {
+        let chosen = |(i, _): &(usize, &mut Head)| head.is_none_or(|head| head == *i);
+        self.0.iter_mut().enumerate().filter(chosen).for_each(|(_, head)| head.switch(is_off));
+    }
+
+    /// Returns the frames that came while one head, or all of them, were off.
+    pub(super) fn ignored(&self, head: Option<usize>) -> u64 {
+        let chosen = |(i, _): &(usize, &HeadReport)| head.is_none_or(|head| head == *i);
+        self.reports().enumerate().filter(chosen).map(|(_, report)| report.ignored).sum()
+    }
+}
+
 /// A head with its queue of attitudes.
 #[derive(Debug)]
 pub(super) struct Head {
-    pub(super) params: HeadParams,
+    params: HeadParams,
     tracker: Tracker,
     /// Frame number modulo 256 and middle of its exposure.
     tags: VecDeque<(u8, Tai)>,
@@ -42,12 +121,12 @@ pub(super) struct Head {
     off: u32,
     last_frame: Option<Tai>,
     /// Camera request after the last frame.
-    pub(super) wish: Option<CameraWish>,
+    wish: Option<CameraWish>,
     pub(super) report: HeadReport,
 }
 
 impl Head {
-    pub(super) fn new(params: HeadParams, guide: Arc<GuideStars>) -> Self {
+    fn new(params: HeadParams, guide: Arc<GuideStars>) -> Self {
         Self {
             tracker: Tracker::new(params.tracker, guide),
             params,
@@ -61,7 +140,7 @@ impl Head {
     }
 
     /// Notes when a frame was exposed.
-    pub(super) fn tag(&mut self, frame: u8, mid_exposure: Tai) {
+    fn tag(&mut self, frame: u8, mid_exposure: Tai) {
         self.tags.retain(|(number, _)| *number != frame);
         self.tags.push_back((frame, mid_exposure));
         if self.tags.len() > TAGS {
@@ -70,13 +149,8 @@ impl Head {
     }
 
     /// Returns the middle of a frame's exposure, when its message has come. Numbers on the bus are modulo 256.
-    pub(super) fn tag_of(&self, number: u32) -> Option<Tai> {
+    fn tag_of(&self, number: u32) -> Option<Tai> {
         self.tags.iter().find(|(tagged, _)| u32::from(*tagged) == number & 0xff).map(|(_, mid_exposure)| *mid_exposure)
-    }
-
-    /// Takes how the next frame was exposed.
-    pub(super) fn expose(&mut self, exposed: &Exposed) {
-        self.tracker.expose(exposed);
     }
 
     /// Measures a frame that arrived at `at`.
@@ -124,7 +198,7 @@ impl Head {
     }
 
     /// Counts one more, or one less, of the causes that switch the head off.
-    pub(super) fn switch(&mut self, is_off: bool) {
+    fn switch(&mut self, is_off: bool) {
         self.off = if is_off { self.off + 1 } else { self.off.saturating_sub(1) };
         if is_off {
             self.ready.clear();
@@ -138,6 +212,6 @@ impl Head {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct BodyAttitude {
     pub(super) at: Tai,
-    pub(super) body_from_icrf: Rotation<base::axes::Body, base::axes::Icrf>,
-    pub(super) covariance_rad2: glam::DMat3,
+    pub(super) body_from_icrf: Rotation<Body, Icrf>,
+    pub(super) covariance_rad2: DMat3,
 }

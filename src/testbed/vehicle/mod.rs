@@ -14,65 +14,110 @@
 mod fault;
 mod head;
 mod outside;
-mod params;
+mod plant;
 mod telemetry;
 
 use fault::ActiveFaults;
 pub use fault::VehicleFault;
-pub use head::HeadReport;
-pub use outside::OutsideError;
-pub use params::{HeadParams, VehicleParams};
+pub use head::{HeadParams, HeadReport, Heads};
+pub use plant::Plant;
 pub use telemetry::{ROW_BYTES, Telemetry, TelemetryRow};
 
-use crate::acs::{Acs, AcsInput, AcsOutput, Command, Mode};
-use crate::estimator::{Mekf, MekfCounts};
+use crate::acs::{Acs, AcsInput, AcsOutput, AcsParams, Command, Mode};
+use crate::estimator::{Mekf, MekfParams};
 use crate::spacecraft::{
-    AttitudeTruth, CircularOrbit, Gyro, GyroFault, MicroVibration, Spacecraft, SunSensor, sun_direction_icrf,
+    CircularOrbit, Gyro, GyroFault, GyroParams, SpacecraftParams, SunSensor, TestTorque, sun_direction_icrf,
 };
-use crate::tracker::{CameraWish, Exposed, GuideStars, Outcome, Solution, TrackerParams, earth_beta};
+use crate::tracker::{Outcome, earth_beta};
 use base::axes::{Body, Icrf, Rotation};
-use base::time::Tai;
+use base::time::{Span, Tai};
 use base::{image::DnImage, refused::Refused, units::DEG};
 use glam::DVec3;
-use head::{BodyAttitude, Head};
-use outside::Drive;
-use stars::catalog::Catalog;
-use std::{collections::VecDeque, sync::Arc};
+use head::BodyAttitude;
+use histories::AttitudeMotion;
+use plant::Drive;
 
 /// Speed of light, m/s (exact).
 const LIGHT_M_S: f64 = 299_792_458.0;
 
+/// One vehicle.
+#[derive(Debug, Clone)]
+pub struct VehicleParams {
+    /// Body, wheels, modes, disturbances, orbit.
+    pub spacecraft: SpacecraftParams,
+    /// Attitude at the start.
+    pub initial: Rotation<Body, Icrf>,
+    /// Rate at the start, body axes.
+    pub initial_rate_rad_s: DVec3,
+    /// Gyro.
+    pub gyro: GyroParams,
+    /// Noise of the Sun sensor, rad, one sigma per axis.
+    pub sun_sensor_noise_rad: f64,
+    /// Estimator.
+    pub estimator: MekfParams,
+    /// Above this sigma the attitude counts as unknown, rad.
+    pub attitude_known_sigma_rad: f64,
+    /// Control; its period is that of the gyro and must be whole steps of the spacecraft.
+    pub acs: AcsParams,
+    /// Where to point from the start.
+    pub target: Rotation<Body, Icrf>,
+    /// Star tracker heads.
+    pub heads: Vec<HeadParams>,
+    /// Time between a control step and its torque: what is injected to study latency.
+    pub actuation_delay: Span,
+    /// Delay of the time tags of frames: a date error unknown to the estimator. It shows as rate times error while the
+    /// body turns, and not at rest.
+    pub tag_error: Span,
+    /// Torques from outside by which the loop is tested.
+    pub test_torques: Vec<TestTorque>,
+    /// Time between samples of micro-vibration; `None`: none is computed.
+    pub vibration_period: Option<Span>,
+    /// In safe mode with an attitude known for so long the ground sends `Resume`; `None`: never.
+    pub resume_after: Option<Span>,
+    /// Control steps from one row of telemetry to the next.
+    pub telemetry_every: u32,
+    /// Seed of every sensor's noise.
+    pub seed: u64,
+}
+
 /// A vehicle in flight.
 #[derive(Debug)]
 pub struct Vehicle {
-    params: VehicleParams,
-    spacecraft: Spacecraft,
-    vibration: Option<MicroVibration>,
+    /// Parameters of its parts.
+    pub params: VehicleParams,
+    /// The spacecraft.
+    pub plant: Plant,
+    /// Its star trackers.
+    pub heads: Heads,
+    /// Attitude and gyro bias as the gyro and the trackers give them.
+    pub estimator: Mekf,
+    /// Last commanded target; shown in telemetry even when the control does not follow it.
+    pub target: Rotation<Body, Icrf>,
+    /// A control outside drives the wheels.
+    pub is_driven_outside: bool,
+    /// Telemetry not yet taken.
+    pub telemetry: Telemetry,
     gyro: Gyro,
     sun_sensor: SunSensor,
     orbit: CircularOrbit,
-    estimator: Mekf,
     acs: Acs,
-    heads: Vec<Head>,
     /// Attitude at the last gyro sample, and when.
     last: (Tai, Rotation<Body, Icrf>),
     faults: ActiveFaults,
-    /// Torques on their way to the wheels.
-    torques: VecDeque<(Tai, Drive)>,
-    /// A control outside drives the wheels.
-    is_driven_outside: bool,
     /// A tracker outside takes the place of those inside.
     is_sighted_outside: bool,
     /// Attitudes of a tracker outside for the next control step.
     fixes: Vec<BodyAttitude>,
     control_steps: u64,
+    ground: Ground,
+}
+
+/// Ground control: since when it sees attitude and safe mode, and its last command.
+#[derive(Debug, Default)]
+struct Ground {
     known_since: Option<Tai>,
     safe_since: Option<Tai>,
     safe_by_command: bool,
-    /// Last commanded target; shown in telemetry even when the control does not follow it.
-    target: Rotation<Body, Icrf>,
-    largest_vibration_rad: f64,
-    telemetry: Telemetry,
 }
 
 impl Vehicle {
@@ -90,15 +135,7 @@ impl Vehicle {
             )));
         }
         let seed = |stream: u64| params.seed.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(stream);
-        let rate = params.initial_rate_rad_s;
-        let mut spacecraft =
-            Spacecraft::new(&params.spacecraft, start, params.initial, rate, seed(1)).map_err(of_spacecraft)?;
-        spacecraft.add_test_torques(&params.test_torques).map_err(of_spacecraft)?;
-        let vibration = params
-            .vibration_period
-            .map(|period| MicroVibration::new(&params.spacecraft, start, period, seed(2)))
-            .transpose()
-            .map_err(of_spacecraft)?;
+        let plant = Plant::new(&params, start, [seed(1), seed(2)])?;
         let mut acs = Acs::new(params.acs, start)?;
         keep_out_holds(&params, start)?;
         acs.command(Command::Point(params.target))?;
@@ -107,22 +144,17 @@ impl Vehicle {
             sun_sensor: SunSensor::new(params.sun_sensor_noise_rad, seed(4)),
             orbit: CircularOrbit::new(&params.spacecraft.orbit),
             estimator: Mekf::new(params.estimator, start)?,
-            heads: heads(&params, start)?,
+            heads: Heads::new(&params.heads, start)?,
             last: (start, params.initial),
             faults: ActiveFaults::default(),
-            torques: VecDeque::with_capacity(64),
             is_driven_outside: false,
             is_sighted_outside: false,
             fixes: Vec::new(),
             control_steps: 0,
-            known_since: None,
-            safe_since: None,
-            safe_by_command: false,
+            ground: Ground::default(),
             target: params.target,
-            largest_vibration_rad: 0.0,
             telemetry: Telemetry::default(),
-            spacecraft,
-            vibration,
+            plant,
             acs,
             params,
         })
@@ -133,75 +165,19 @@ impl Vehicle {
         self.last.0 + self.params.acs.control_period
     }
 
-    /// Returns the smooth attitude at `at`: at most two seconds ago, at most the next control step.
-    ///
-    /// # Errors
-    /// When `at` is outside.
-    pub fn truth(&mut self, at: Tai) -> Result<AttitudeTruth, Refused> {
-        self.fly_to(at);
-        self.spacecraft.attitude_at(at).map_err(of_spacecraft)
-    }
-
-    /// Returns the same of what has been flown already: looking changes nothing. At most a bus record's time behind.
-    ///
-    /// # Errors
-    /// When `at` is outside.
-    pub fn flown_truth(&self, at: Tai) -> Result<AttitudeTruth, Refused> {
-        self.spacecraft.attitude_at(at).map_err(of_spacecraft)
-    }
-
-    /// Returns the instant until which the motion has been flown.
-    pub fn flown_until(&self) -> Tai {
-        self.spacecraft.time()
-    }
-
-    /// Returns the micro-vibration at `at`: rotation vector of the body away from its smooth attitude, body axes, rad.
-    /// Zero when none is computed.
-    ///
-    /// # Errors
-    /// When `at` is more than about two seconds ago.
-    pub fn vibration(&mut self, at: Tai) -> Result<DVec3, Refused> {
-        self.fly_to(at);
-        let speeds = self.spacecraft.wheel_speeds_rad_s();
-        let Some(vibration) = self.vibration.as_mut() else { return Ok(DVec3::ZERO) };
-        let Some(period) = self.params.vibration_period else { return Ok(DVec3::ZERO) };
-        // A sample further, so that any instant lies between two.
-        vibration.advance_to(at + period, speeds);
-        let sample = vibration.sample(at).map_err(of_spacecraft)?;
-        self.largest_vibration_rad = self.largest_vibration_rad.max(sample.length());
-        Ok(sample)
-    }
-
     /// Records when a frame was exposed.
     pub fn tag_frame(&mut self, frame: u8, mid_exposure: Tai) {
         let tagged = mid_exposure + self.params.tag_error;
-        self.heads.iter_mut().for_each(|head| head.tag(frame, tagged));
-    }
-
-    /// Returns whether the EXPOSURE message of a frame has come.
-    pub fn has_tag(&self, head: usize, number: u32) -> bool {
-        self.heads.get(head).is_some_and(|head| head.tag_of(number).is_some())
+        self.heads.tag(frame, tagged);
     }
 
     /// Takes a frame of head `head` that arrived at `at`; a frame of a head that does not exist is ignored.
     pub fn take_frame(&mut self, head: usize, number: u32, image: &DnImage, at: Tai) {
         let beta = self.beta(at);
-        let rate = self.rate_rad_s();
-        if let Some(head) = self.heads.get_mut(head) {
+        let rate = self.estimator.rate_rad_s();
+        if let Some(head) = self.heads.0.get_mut(head) {
             head.take_frame(number, image, at, beta, rate);
         }
-    }
-
-    /// Takes how the next frame of a head was exposed, where that is not as the camera's file says.
-    pub fn expose(&mut self, head: usize, exposed: &Exposed) {
-        if let Some(head) = self.heads.get_mut(head) {
-            head.expose(exposed);
-        }
-    }
-
-    /// Returns what a head's tracker asks of its camera after the last frame, once.
-    pub fn take_wish(&mut self, head: usize) -> Option<CameraWish> {
-        self.heads.get_mut(head)?.wish.take()
     }
 
     /// Returns one control step, at [`Self::next_due`].
@@ -210,22 +186,22 @@ impl Vehicle {
     /// When the motion left what can be integrated.
     pub fn act(&mut self) -> Result<(), Refused> {
         let at = self.next_due();
-        let truth = self.truth(at)?;
+        let truth = self.plant.truth(at)?;
         self.sense(at, &truth);
         self.take_attitudes(at);
         let output = self.control(at, &truth);
         let apply_at = at + self.params.actuation_delay;
         if !self.is_driven_outside {
-            self.torques.push_back((apply_at, Drive::Body(output.torque_n_m)));
+            self.plant.torques.push_back((apply_at, Drive::Body(output.torque_n_m)));
         }
-        self.fly_to(at);
-        self.spacecraft.command_unloading(output.unload && !self.is_driven_outside);
+        self.plant.fly_to(at);
+        self.plant.spacecraft.command_unloading(output.unload && !self.is_driven_outside);
         self.telemetry.mode_events.extend(output.event);
         self.resume(at, output.mode);
         self.control_steps += 1;
         if self.control_steps.is_multiple_of(u64::from(self.params.telemetry_every.max(1))) {
             let row = self.row(at, &truth, &output);
-            self.largest_vibration_rad = 0.0;
+            self.plant.largest_vibration_rad = 0.0;
             self.telemetry.rows.push(row);
         }
         Ok(())
@@ -238,8 +214,8 @@ impl Vehicle {
     pub fn command(&mut self, command: Command) -> Result<(), Refused> {
         self.acs.command(command)?;
         match command {
-            Command::Safe => self.safe_by_command = true,
-            Command::Resume => self.safe_by_command = false,
+            Command::Safe => self.ground.safe_by_command = true,
+            Command::Resume => self.ground.safe_by_command = false,
             Command::Point(_) | Command::SlewTo(_) => {}
         }
         if let Command::Point(target) | Command::SlewTo(target) = command {
@@ -256,8 +232,8 @@ impl Vehicle {
         self.faults.begin(&fault);
         match fault {
             VehicleFault::GyroBiasJump(jump) => self.gyro.inject(GyroFault::BiasJump(jump)),
-            VehicleFault::WheelFailure(wheel) => self.spacecraft.fail_wheel(wheel).map_err(of_spacecraft)?,
-            VehicleFault::TrackerOff(head) => self.switch_heads(head, true),
+            VehicleFault::WheelFailure(wheel) => self.plant.spacecraft.fail_wheel(wheel).map_err(of_spacecraft)?,
+            VehicleFault::TrackerOff(head) => self.heads.switch(head, true),
             VehicleFault::GyroDropout | VehicleFault::GyroStuck | VehicleFault::GyroSpike(_) => {}
         }
         Ok(())
@@ -267,7 +243,7 @@ impl Vehicle {
     pub fn clear(&mut self, fault: VehicleFault) {
         self.faults.end(&fault);
         if let VehicleFault::TrackerOff(head) = fault {
-            self.switch_heads(head, false);
+            self.heads.switch(head, false);
         }
     }
 
@@ -275,31 +251,13 @@ impl Vehicle {
     /// broken.
     pub fn fault_hits(&self, fault: &VehicleFault) -> u64 {
         match fault {
-            VehicleFault::TrackerOff(head) => {
-                let chosen = |(i, _): &(usize, &Head)| head.is_none_or(|head| head == *i);
-                self.heads.iter().enumerate().filter(chosen).map(|(_, head)| head.report.ignored).sum()
-            }
+            VehicleFault::TrackerOff(head) => self.heads.ignored(*head),
             VehicleFault::GyroDropout
             | VehicleFault::GyroStuck
             | VehicleFault::GyroBiasJump(_)
             | VehicleFault::GyroSpike(_)
             | VehicleFault::WheelFailure(_) => self.faults.hits(fault),
         }
-    }
-
-    /// Returns the telemetry not yet taken.
-    pub fn telemetry_mut(&mut self) -> &mut Telemetry {
-        &mut self.telemetry
-    }
-
-    /// Returns the last result of each head.
-    pub fn head_reports(&self) -> impl Iterator<Item = &HeadReport> {
-        self.heads.iter().map(|head| &head.report)
-    }
-
-    /// Returns the counters of the estimator.
-    pub fn estimator_counts(&self) -> MekfCounts {
-        self.estimator.counts()
     }
 
     /// Returns the mode of the control.
@@ -312,51 +270,13 @@ impl Vehicle {
         self.estimator.attitude(self.last.0)
     }
 
-    /// Returns one sigma of the estimated attitude per body axis, rad.
-    pub fn estimate_sigma_rad(&self) -> DVec3 {
-        self.estimator.sigma_rad()
-    }
-
     /// Returns when the estimate holds: the last control step.
     pub fn estimate_at(&self) -> Tai {
         self.last.0
     }
 
-    /// Returns the parameters of the parts.
-    pub fn params(&self) -> &VehicleParams {
-        &self.params
-    }
-
-    /// Returns the commanded target.
-    pub fn target(&self) -> Rotation<Body, Icrf> {
-        self.target
-    }
-
-    /// Speeds of the wheels, rad/s.
-    pub fn wheel_speeds_rad_s(&self) -> &[f64] {
-        self.spacecraft.wheel_speeds_rad_s()
-    }
-
-    /// Moves the smooth motion to the first step boundary not before `at`, with each torque from its time on.
-    fn fly_to(&mut self, at: Tai) {
-        while let Some((from, drive)) = self.torques.front().copied().filter(|(from, _)| *from <= at) {
-            self.spacecraft.advance_to(from);
-            match drive {
-                Drive::Body(torque_n_m) => {
-                    self.spacecraft.command_torques(torque_n_m);
-                }
-                Drive::Wheels(torques_n_m) => self.spacecraft.command_wheels(&torques_n_m),
-            }
-            self.torques.pop_front();
-        }
-        self.spacecraft.advance_to(at);
-        if self.spacecraft.time() < at {
-            self.spacecraft.advance_to(at + self.params.spacecraft.step);
-        }
-    }
-
     /// Passes the gyro's sample over the control period to the estimator.
-    fn sense(&mut self, at: Tai, truth: &AttitudeTruth) {
+    fn sense(&mut self, at: Tai, truth: &AttitudeMotion) {
         let (last_at, last) = self.last;
         self.faults.spoil(&mut self.gyro);
         let reading = self.gyro.measure(&last, &truth.body_from_icrf, at - last_at);
@@ -367,7 +287,7 @@ impl Vehicle {
 
     fn take_attitudes(&mut self, at: Tai) {
         // Heads share one estimator: their attitudes go in by readiness, the first head first.
-        for head in &mut self.heads {
+        for head in &mut self.heads.0 {
             while let Some(measured) = head.next_ready(at) {
                 self.estimator.measure(measured.at, &measured.body_from_icrf, &measured.covariance_rad2);
             }
@@ -377,21 +297,21 @@ impl Vehicle {
         }
     }
 
-    fn control(&mut self, at: Tai, truth: &AttitudeTruth) -> AcsOutput {
+    fn control(&mut self, at: Tai, truth: &AttitudeMotion) -> AcsOutput {
         let sun = sun_direction_icrf(at);
         let is_sunlit = self.orbit.is_sunlit(at, sun);
         let seen = self.sun_sensor.measure(&truth.body_from_icrf, sun, is_sunlit);
         let sigma_rad = self.estimator.sigma_rad().max_element();
         let is_known = sigma_rad < self.params.attitude_known_sigma_rad && !self.estimator.is_lost();
         let attitude = self.estimator.attitude(at).filter(|_| is_known);
-        self.known_since = attitude.and(self.known_since.or(Some(at)));
+        self.ground.known_since = attitude.and(self.ground.known_since.or(Some(at)));
         let input = AcsInput {
             attitude,
-            rate_rad_s: self.rate_rad_s(),
+            rate_rad_s: self.estimator.rate_rad_s(),
             attitude_sigma_rad: sigma_rad,
             sun_icrf: Some(sun),
             sun_body: seen.valid.then_some(seen.direction_body),
-            wheel_momentum_n_m_s: self.spacecraft.wheel_momentum_n_m_s(),
+            wheel_momentum_n_m_s: self.plant.spacecraft.wheel_momentum_n_m_s(),
         };
         self.acs.step(at, &input)
     }
@@ -399,22 +319,14 @@ impl Vehicle {
     /// Acts as ground control: leaves a safe mode that was not commanded once the attitude has been known in it for a
     /// while.
     fn resume(&mut self, at: Tai, mode: Mode) {
-        self.safe_since = (mode == Mode::Safe).then(|| self.safe_since.unwrap_or(at));
-        let (Some(wait), Some(safe_since)) = (self.params.resume_after, self.safe_since) else { return };
-        let is_known = self.known_since.is_some_and(|since| at - since.max(safe_since) >= wait);
-        if is_known && !self.safe_by_command {
+        let ground = &mut self.ground;
+        ground.safe_since = (mode == Mode::Safe).then(|| ground.safe_since.unwrap_or(at));
+        let (Some(wait), Some(safe_since)) = (self.params.resume_after, ground.safe_since) else { return };
+        let is_known = ground.known_since.is_some_and(|since| at - since.max(safe_since) >= wait);
+        if is_known && !ground.safe_by_command {
             // Resume is refused in no mode.
             let _accepted = self.acs.command(Command::Resume);
         }
-    }
-
-    fn rate_rad_s(&self) -> DVec3 {
-        self.estimator.rate_rad_s()
-    }
-
-    fn switch_heads(&mut self, head: Option<usize>, is_off: bool) {
-        let chosen = |(i, _): &(usize, &mut Head)| head.is_none_or(|head| head == *i);
-        self.heads.iter_mut().enumerate().filter(chosen).for_each(|(_, head)| head.switch(is_off));
     }
 
     /// Returns the velocity of the vehicle about the barycentre over the speed of light: what its ephemeris aboard
@@ -423,9 +335,14 @@ impl Vehicle {
         earth_beta(at) + self.orbit.velocity_m_s(at) / LIGHT_M_S
     }
 
-    fn row(&self, at: Tai, truth: &AttitudeTruth, output: &AcsOutput) -> TelemetryRow {
-        let solved = self.heads.iter().filter(|head| head.is_solved(at)).count();
-        let speeds = self.spacecraft.wheel_speeds_rad_s();
+    fn row(&self, at: Tai, truth: &AttitudeMotion, output: &AcsOutput) -> TelemetryRow {
+        let solved = self.heads.0.iter().filter(|head| head.is_solved(at)).count();
+        let speeds = self.plant.wheel_speeds_rad_s();
+        let first = self.heads.0.first().and_then(|head| head.report.last);
+        let solution = match first {
+            Some(Outcome::Solved(solution)) => Some(solution),
+            Some(Outcome::NoSolution(_)) | None => None,
+        };
         let estimate = self.estimator.attitude(at);
         TelemetryRow {
             at,
@@ -436,16 +353,16 @@ impl Vehicle {
             rate_rad_s: truth.rate_rad_s,
             bias_error_rad_s: self.estimator.bias_rad_s() - self.gyro.bias_rad_s(),
             torque_n_m: output.torque_n_m,
-            vibration_rad: self.largest_vibration_rad,
+            vibration_rad: self.plant.largest_vibration_rad,
             wheel_speed_rad_s: speeds.iter().fold(0.0, |most, speed| f64::max(most, speed.abs())),
-            wheel_momentum_n_m_s: self.spacecraft.wheel_momentum_n_m_s().length(),
+            wheel_momentum_n_m_s: self.plant.spacecraft.wheel_momentum_n_m_s().length(),
             heads_solved: u32::try_from(solved).unwrap_or(u32::MAX),
-            no_solution: match self.heads.first().and_then(|head| head.report.last) {
+            no_solution: match first {
                 Some(Outcome::NoSolution(reason)) => Some(reason),
-                _ => None,
+                Some(Outcome::Solved(_)) | None => None,
             },
-            stars: self.solution().map_or(0, |solution| solution.stars),
-            tracker_sigma_rad: self.solution().map(|solution| {
+            stars: solution.map_or(0, |solution| solution.stars),
+            tracker_sigma_rad: solution.map(|solution| {
                 let variance = solution.covariance_rad2;
                 (0.5 * (variance.x_axis.x + variance.y_axis.y)).sqrt()
             }),
@@ -453,15 +370,7 @@ impl Vehicle {
         }
     }
 
-    /// Returns the first head's last attitude, when its last frame gave one.
-    fn solution(&self) -> Option<Solution> {
-        match self.heads.first()?.report.last? {
-            Outcome::Solved(solution) => Some(solution),
-            Outcome::NoSolution(_) => None,
-        }
-    }
-
-    fn sun_angle_rad(&self, at: Tai, truth: &AttitudeTruth) -> Option<f64> {
+    fn sun_angle_rad(&self, at: Tai, truth: &AttitudeMotion) -> Option<f64> {
         let cone = self.params.acs.exclusion?;
         Some(cone.sun_angle_rad(&truth.body_from_icrf, sun_direction_icrf(at)))
     }
@@ -482,24 +391,4 @@ fn keep_out_holds(params: &VehicleParams, start: Tai) -> Result<(), Refused> {
     Err(Refused(format!(
         "target puts the boresight {sun_angle_deg:.2} deg from the Sun, wanted at least {least_deg:.2} deg"
     )))
-}
-
-/// Returns the heads; equal trackers share one list of guide stars.
-fn heads(params: &VehicleParams, start: Tai) -> Result<Vec<Head>, Refused> {
-    let catalog = Catalog::built_in().map_err(|why| Refused(format!("catalog: {why}")))?;
-    let mut guides: Vec<(TrackerParams, Arc<GuideStars>)> = Vec::new();
-    let mut heads = Vec::with_capacity(params.heads.len());
-    for head in &params.heads {
-        let known = guides.iter().find(|(tracker, _)| *tracker == head.tracker).map(|(_, guide)| Arc::clone(guide));
-        let guide = match known {
-            Some(guide) => guide,
-            None => {
-                let guide = Arc::new(GuideStars::new(&catalog, &head.tracker, start)?);
-                guides.push((head.tracker, Arc::clone(&guide)));
-                guide
-            }
-        };
-        heads.push(Head::new(*head, guide));
-    }
-    Ok(heads)
 }

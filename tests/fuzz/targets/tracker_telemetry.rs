@@ -7,10 +7,12 @@ use base::time::{Span, Tai};
 use libfuzzer_sys::fuzz_target;
 use starloop_fuzz::control::is_broken;
 use starloop_fuzz::{Input, input};
-use telemetry::canopen::{CanOpenDevice, NodeParams};
-use telemetry::reading::{CanOpenReader, CcsdsReader, Measured, Nos3Reader, Reader, SagittaReader};
+use telemetry::canopen::{CanOpenDevice, CanOpenReader, NodeParams};
+use telemetry::ccsds::{CcsdsDevice, CcsdsReader};
+use telemetry::nos3::{Nos3Device, Nos3Reader};
+use telemetry::reading::{Measured, Reader};
+use telemetry::sagitta::{SagittaDevice, SagittaReader};
 use telemetry::{Device, Limits, Mode, Report, Sense, Wire};
-use telemetry::{ccsds::CcsdsDevice, nos3::Nos3Device, sagitta::SagittaDevice};
 
 const NOW: Tai = Tai::from_ns(1_772_366_437_250_000_000);
 const NODE: u8 = 0x60;

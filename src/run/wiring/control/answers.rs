@@ -277,32 +277,32 @@ fn true_attitude(
     instants: &Instants,
 ) -> Result<Value, String> {
     let vehicle = vehicle.ok_or("nothing is flown inside: its truth is with whoever flies it")?;
-    let flown = vehicle.flown_until().min(instants.now);
+    let flown = vehicle.plant.flown_until().min(instants.now);
     let at = at_s.map_or(flown, |at_s| instants.zero + Span::from_s(at_s));
     if at > instants.now {
         let (asked, now_s) = (instants.s(at), instants.now_s());
         return Err(format!("at_s is {asked} s; wanted a time not after now, which is {now_s} s"));
     }
-    let truth = vehicle.flown_truth(at).map_err(|_| {
+    let truth = vehicle.plant.flown_truth(at).map_err(|_| {
         let (asked, last) = (instants.s(at), instants.s(flown));
         format!("at_s is {asked}; wanted a time from {} to {last}: the last two seconds", last - 2.0)
     })?;
     let mut answer = attitude(&(mounting * truth.body_from_icrf));
     answer["at_s"] = instants.s(at).into();
     answer["body_rate_rad_s"] = truth.rate_rad_s.to_array().to_vec().into();
-    answer["wheel_speeds_rad_s"] = vehicle.wheel_speeds_rad_s().to_vec().into();
+    answer["wheel_speeds_rad_s"] = vehicle.plant.wheel_speeds_rad_s().to_vec().into();
     Ok(answer)
 }
 
 /// Returns the estimate of the internal flight computer; an empty answer without one.
 fn estimate(vehicle: Option<&Vehicle>, mounting: Rotation<Sensor, Body>, instants: &Instants) -> Value {
     let Some(vehicle) = vehicle else { return json!({}) };
-    let heads: Vec<Value> = vehicle.head_reports().map(|report| head(report, instants)).collect();
+    let heads: Vec<Value> = vehicle.heads.reports().map(|report| head(report, instants)).collect();
     let estimate = vehicle.estimate().map(|estimate| attitude(&(mounting * estimate)));
     json!({
         "at_s": instants.s(vehicle.estimate_at()),
         "estimate": estimate,
-        "sigma_rad": vehicle.estimate_sigma_rad().to_array(),
+        "sigma_rad": vehicle.estimator.sigma_rad().to_array(),
         "mode": mode_name(vehicle.mode()),
         "heads": heads,
     })

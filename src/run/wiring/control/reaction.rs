@@ -103,7 +103,7 @@ impl Reaction {
             }
         };
         done.map_err(|error| error.to_string())?;
-        let by = if vehicle.is_driven_outside() { "outside" } else { "inside" };
+        let by = if vehicle.is_driven_outside { "outside" } else { "inside" };
         Ok(json!({ "now_s": (now - zero).s(), "control": by }))
     }
 }

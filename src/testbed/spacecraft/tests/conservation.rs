@@ -35,7 +35,7 @@ fn an_undamped_mode_keeps_momentum_and_loses_no_more_energy_than_the_method_take
     assert!(drift < CONSERVED, "momentum {drift:e}");
     // |R(i z)|^2 = 1 - z^6 / 72 per step of the elastic part, which is all that can be lost; z of the free mode.
     let elastic = 0.5 * (hz * core::f64::consts::TAU * 0.05).powi(2);
-    let z = free_modes::free_modes(&params)[0].frequency_rad_s * step.s();
+    let z = crate::spacecraft::micro_vibration::free_modes(&params)[0].frequency_rad_s * step.s();
     let wanted = elastic * z.powi(6) / 72.0 * 1000.0 / step.s();
     let lost = energy - craft.energy_j();
     // The wheels' momentum couples the mode into the nutation: a percent of its energy.

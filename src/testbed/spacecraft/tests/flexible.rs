@@ -83,7 +83,7 @@ fn free_modes_solve_the_characteristic_equation() {
     let (k11, k12, k22) = (a.dot(inverse * a), a.dot(inverse * b), b.dot(inverse * b));
     let (s1, s2) = ((0.7 * TAU).powi(2), (0.8 * TAU).powi(2));
     let determinant = |o: f64| (o * o * (1.0 - k11) - s1) * (o * o * (1.0 - k22) - s2) - (o * o * k12).powi(2);
-    let modes = free_modes::free_modes(&params);
+    let modes = crate::spacecraft::micro_vibration::free_modes(&params);
     assert_eq!(modes.len(), 2);
     for free in &modes {
         let o = free.frequency_rad_s;

@@ -160,7 +160,7 @@ fn images_without_stars_say_why() {
     assert_eq!(reason(&painter.paint(&[], 2e5)), Reason::Saturated, "saturated");
     assert_eq!(reason(&painter.paint(&[], 8e4)), Reason::StrayLight, "stray light");
     assert_eq!(reason(&DnImage::new(64, 64)), Reason::ImageSize, "size");
-    assert_eq!((tracker.counts().frames, tracker.counts().none), (5, 5));
+    assert_eq!((tracker.counts.frames, tracker.counts.none), (5, 5));
 }
 
 /// A step from the background of one seed to the other is the only thing that may differ.
@@ -188,8 +188,8 @@ fn roll_is_the_worst_axis_and_residuals_are_listed() {
     let Outcome::Solved(Solution { covariance_rad2, stars, .. }) = outcome else { panic!("{outcome:?}") };
     let [x, y, z] = [covariance_rad2.x_axis.x, covariance_rad2.y_axis.y, covariance_rad2.z_axis.z];
     assert!(z > 20.0 * x && z > 20.0 * y && covariance_rad2 != DMat3::ZERO, "{covariance_rad2}");
-    let used = tracker.matched_stars().iter().filter(|star| star.used).count();
+    let used = tracker.matches.iter().filter(|star| star.used).count();
     assert_eq!(used, usize::try_from(stars).unwrap());
-    let id = tracker.guide_stars().stars()[tracker.matched_stars()[0].star].id;
+    let id = tracker.guide.stars[tracker.matches[0].star].id;
     assert!(catalog().sources()[id as usize].mag_g < 5.0, "the brightest spot is a bright star");
 }

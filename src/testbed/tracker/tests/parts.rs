@@ -1,10 +1,11 @@
 //! Geometry, aberration, guide stars, pairs and Wahba's problem, against formulae written afresh.
 
 use super::super::adjust::{MatchedStar, adjust};
-use super::super::wahba::{Observation, davenport};
 use super::super::{Geometry, GuideStars, TrackerParams, apparent};
 use super::draw::{aberrated, gaussian, project, random_attitude};
-use super::{super::centroid::Spot, super::pairs::PairIndex, *};
+use super::{super::centroid::Spot, *};
+use crate::tracker::geometry::{Observation, davenport};
+use crate::tracker::guide::PairIndex;
 use base::axes::{Icrf, Rotation, Sensor};
 use base::source::{direction_from_ra_dec, ra_dec_rad};
 use base::units::{ARCSEC, DEG, MAS};
@@ -231,7 +232,7 @@ fn proper_motion_is_carried() {
     let (then, later) = (guide_at("2016-01-01T12:00:00Z"), guide_at("2026-01-01T12:00:00Z"));
     let axis = direction_from_ra_dec(330.84 * DEG, -56.786 * DEG);
     let near = |guide: &GuideStars| {
-        let stars = guide.stars().iter().filter(|s| s.mag_g < 5.0);
+        let stars = guide.stars.iter().filter(|s| s.mag_g < 5.0);
         *stars.min_by(|a, b| a.direction_icrf.distance(axis).total_cmp(&b.direction_icrf.distance(axis))).expect("one")
     };
     let (a, b) = (near(&then), near(&later));
@@ -269,7 +270,7 @@ fn doubles_are_merged_or_left_out() {
     let guide = wide_guide();
     // A star within 2.5 spot widths of a brighter one is pulled by 0.2 px and more: it must be out.
     let reach = 2.5 * params.pixel_psf_sigma_px() * params.geometry.ifov_rad();
-    let mut sorted: Vec<_> = guide.stars().to_vec();
+    let mut sorted: Vec<_> = guide.stars.to_vec();
     sorted.sort_unstable_by(|a, b| a.direction_icrf.z.total_cmp(&b.direction_icrf.z));
     for (at, star) in sorted.iter().enumerate() {
         let close = sorted[at + 1..].iter().take_while(|other| other.direction_icrf.z - star.direction_icrf.z < reach);
@@ -280,5 +281,5 @@ fn doubles_are_merged_or_left_out() {
     }
     // Control: the catalog itself has such pairs, so stars must have gone.
     let bright = catalog().sources().iter().filter(|s| f64::from(s.mag_g) <= params.limiting_mag).count();
-    assert!(guide.stars().len() < bright, "{} of {bright}", guide.stars().len());
+    assert!(guide.stars.len() < bright, "{} of {bright}", guide.stars.len());
 }

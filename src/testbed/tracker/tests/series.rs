@@ -107,7 +107,7 @@ fn tracking_falls_back_and_recovers() {
         });
     }
     assert_eq!(modes.iter().collect::<String>(), "LTTT---LTT", "three misses, then lost in space");
-    let counts = bench.tracker.counts();
+    let counts = bench.tracker.counts;
     assert_eq!((counts.lost_in_space, counts.tracking, counts.none, counts.losses), (2, 5, 3, 1));
 }
 
@@ -156,7 +156,7 @@ fn noise_agrees_with_prediction() {
             let outcome = bench.look(&Shot::still(attitude, beta()), None);
             let Outcome::Solved(solution) = outcome else { panic!("{outcome:?}") };
             series.push(AttitudePair { measured: solution.sensor_from_icrf, truth: attitude });
-            let used = bench.tracker.matched_stars().iter().filter(|star| star.used);
+            let used = bench.tracker.matches.iter().filter(|star| star.used);
             information += used.map(|star| star.spot.sigma_px().powi(-2)).sum::<f64>();
             (stars, frames) = (stars + solution.stars, frames + 1);
         }

@@ -3,9 +3,10 @@
 use super::super::centroid::{SpotModel, centre_of_gravity, gaussian_fit};
 use super::super::detect::{Detector, PEAK_SIGMA};
 use super::super::{Reason, TrackerParams};
-use super::super::{background::BackgroundGrid, blend::Blend, track::spot_model};
 use super::draw::{Painter, gaussian};
 use super::*;
+use super::{super::background::BackgroundGrid, super::track::spot_model};
+use crate::tracker::centroid::Blend;
 use base::image::DnImage;
 use glam::DVec2;
 use rand::{SeedableRng, rngs::StdRng};

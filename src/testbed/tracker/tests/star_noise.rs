@@ -98,7 +98,7 @@ fn attitudes_are_as_sure_as_the_tracker_says() {
         assert!(stars.abs_diff(solution.stars as usize) <= 6, "{stars} and {}", solution.stars);
         let log = |a: DVec3, b: DVec3| (a / b).map(|ratio| ratio.ln().powi(2));
         squares += log(diagonal(&covariance), stated);
-        even += log(noise.sky_sigma_rad(), stated);
+        even += log(noise.sky_sigma_rad, stated);
         count += 1.0;
     }
     assert!(count > 50.0, "{count}");
@@ -139,7 +139,7 @@ fn noise_over_the_sky_has_the_root_mean_square_of_its_figures() {
 fn other_light_counts_as_if_present_from_the_start() {
     let camera = Camera::coarse();
     let mut noise = StarNoise::new(&camera.params, coarse_guide(), &light());
-    let usual_rad = noise.sky_sigma_rad();
+    let usual_rad = noise.sky_sigma_rad;
     let attitude = random_attitude(&mut StdRng::seed_from_u64(50));
     let before = noise.covariance_rad2(&attitude).expect("enough stars");
     let brighter = ExposedLight { background_sigma_e: 2.0 * BACKGROUND_SIGMA_E, background_e: 1e4, ..light() };
@@ -148,7 +148,7 @@ fn other_light_counts_as_if_present_from_the_start() {
         noise.expose(&other);
         let mut made = StarNoise::new(&camera.params, coarse_guide(), &other);
         assert_eq!(noise.covariance_rad2(&attitude), made.covariance_rad2(&attitude));
-        assert_eq!(noise.sky_sigma_rad(), usual_rad, "noise is given in that of the usual light");
+        assert_eq!(noise.sky_sigma_rad, usual_rad, "noise is given in that of the usual light");
         let ratio = noise.covariance_rad2(&attitude).expect("enough stars").0.x_axis.x / before.0.x_axis.x;
         assert!(ratio > 1.5, "{ratio}");
     }

@@ -1,4 +1,4 @@
-//! Attitudes as a table: with a header that names columns, or rows of seconds and `w x y z` without one.
+//! Attitudes and orbits as tables: with a header that names columns; attitudes also as rows of seconds and `w x y z`.
 //!
 //! | columns | meaning |
 //! |---|---|
@@ -9,13 +9,19 @@
 //!
 //! Remarks before the rows: `# sense: body_from_icrf` (which is the default: this program's quaternion) or
 //! `icrf_from_body`, its conjugate; `# axes: ICRF`, `EME2000`. Other columns are not used.
+//!
+//! An orbit has a column of absolute time, `x_km,y_km,z_km,vx_km_s,vy_km_s,vz_km_s` (or `_m`, `_m_s`), an
+//! optional `segment`; remarks `# centre: EARTH` and `# axes: ICRF`.
 
-use crate::attitude::{AttitudeHistory, AttitudeSegment, Times, Unfit};
+use crate::attitude::{AttitudeHistory, AttitudeSegment, Times};
+use crate::attitude_methods::{AttitudeInterpolation, AttitudeState};
 use crate::csv_table::{Table, TimeColumn};
 use crate::error::{HistoryError, Source};
+use crate::orbit::{Centre, OrbitHistory, OrbitInterpolation, OrbitSegment, OrbitState, WANTED_CENTRE};
 use crate::reference_axes::{ReferenceAxes, WANTED_AXES};
-use crate::{attitude_methods::AttitudeInterpolation, attitude_state::AttitudeState};
+use crate::segments::Unfit;
 use base::axes::{Rotation, WRITTEN_NORM_TOLERANCE};
+use base::units::METRE_KM;
 use glam::{DQuat, DVec3};
 
 /// Which rotation the quaternions of a table are.
@@ -40,35 +46,22 @@ struct Columns {
     quaternion: [usize; 4],
     /// Places, and radians in their unit.
     rate: Option<([usize; 3], f64)>,
-    segment: Option<usize>,
     /// Numbers in a row.
     count: usize,
 }
 
 /// Reads a table.
-pub(crate) fn read(source: &Source<'_>, given: Option<Sense>) -> Result<AttitudeHistory, HistoryError> {
+pub(crate) fn attitudes(source: &Source<'_>, given: Option<Sense>) -> Result<AttitudeHistory, HistoryError> {
     let table = Table::new(*source);
     let sense = sense(&table, given)?;
     let axes = axes(&table)?;
     let columns = Columns::of(&table)?;
-    let mut parts: Vec<(Option<&str>, Vec<AttitudeState>)> = Vec::new();
-    for (line, row) in table.rows() {
-        if row.len() != columns.count {
-            let (got, wanted) = (format!("{} values", row.len()), format!("{} values in a row", columns.count));
-            return Err(table.refuse(line, &got, &wanted));
-        }
-        let part = columns.segment.and_then(|place| row.get(place).copied());
-        let state = state(&table, line, &row, &columns, (sense, axes))?;
-        match parts.last_mut().filter(|(last, _)| *last == part) {
-            Some((_, states)) => states.push(state),
-            None => parts.push((part, vec![state])),
-        }
-    }
-    let rows: usize = parts.iter().map(|(_, states)| states.len()).sum();
+    let parts = table.segments(columns.count, |line, row| state(&table, line, row, &columns, (sense, axes)))?;
+    let rows: usize = parts.iter().map(Vec::len).sum();
     let unfit = |error: Unfit| source.whole(format!("{rows} rows: {error}"));
     let has_rates = columns.rate.is_some();
     let method = if has_rates { AttitudeInterpolation::CubicHermite } else { AttitudeInterpolation::Slerp };
-    let segments = parts.into_iter().map(|(_, states)| AttitudeSegment::new(states, method, [None; 2]));
+    let segments = parts.into_iter().map(|states| AttitudeSegment::new(states, method, [None; 2]));
     let segments = segments.collect::<Result<Vec<_>, _>>().map_err(unfit)?;
     let times = if columns.time.0 == TimeColumn::Seconds { Times::FromZero } else { Times::Absolute };
     let format = if table.columns().is_some() { "table with a header" } else { "rows of t w x y z" };
@@ -102,15 +95,14 @@ impl Columns {
     fn of(table: &Table<'_>) -> Result<Self, HistoryError> {
         let Some(names) = table.columns() else {
             let time = (TimeColumn::Seconds, 0);
-            return Ok(Self { time, quaternion: [1, 2, 3, 4], rate: None, segment: None, count: 5 });
+            return Ok(Self { time, quaternion: [1, 2, 3, 4], rate: None, count: 5 });
         };
         let quaternion = Self::quaternion(table).ok_or_else(|| {
             table.without(
                 "a quaternion in columns q_w,q_x,q_y,q_z, or q0,q1,q2,q3 (scalar q0), or q1,q2,q3,q4 (scalar q4)",
             )
         })?;
-        let segment = table.column(&["segment"]);
-        Ok(Self { time: table.time_column()?, quaternion, rate: Self::rate(table)?, segment, count: names.len() })
+        Ok(Self { time: table.time_column()?, quaternion, rate: Self::rate(table)?, count: names.len() })
     }
 
     fn quaternion(table: &Table<'_>) -> Option<[usize; 4]> {
@@ -171,4 +163,48 @@ fn state(
     };
     let rate_rad_s = columns.rate.map(|_| DVec3::new(rate[0], rate[1], rate[2]));
     Ok(AttitudeState { t_ns, body_from_icrf, rate_rad_s })
+}
+
+/// Reads a table.
+pub(crate) fn orbit(source: &Source<'_>) -> Result<OrbitHistory, HistoryError> {
+    let table = Table::new(*source);
+    let centre = match table.remark("centre").or_else(|| table.remark("center")) {
+        None => Centre::Earth,
+        Some((word, line)) => Centre::of_name(word).ok_or_else(|| table.refuse(line, word, WANTED_CENTRE))?,
+    };
+    let axes = axes(&table)?;
+    let Some(names) = table.columns() else {
+        return Err(table.refuse(1, "no header", "names of columns: utc,x_km,y_km,z_km,vx_km_s,vy_km_s,vz_km_s"));
+    };
+    let time = table.time_column()?;
+    if time.0 == TimeColumn::Seconds {
+        return Err(table.without("absolute times of an orbit: a column utc, tai, tt, tdb, gps, unix_s or tai_ns"));
+    }
+    let (places, km) = state_columns(&table)?;
+    let parts = table.segments(names.len(), |line, row| {
+        let mut numbers = [0.0; 6];
+        for (number, place) in numbers.iter_mut().zip(places) {
+            *number = km * table.number(line, row, place)?;
+        }
+        let [x, y, z, vx, vy, vz] = numbers;
+        let [position_km, velocity_km_s] = [DVec3::new(x, y, z), DVec3::new(vx, vy, vz)].map(|v| axes.to_icrf(v));
+        Ok(OrbitState { t_ns: table.time_ns(line, row, time)?, position_km, velocity_km_s })
+    })?;
+    let unfit = |error: Unfit| source.whole(error.to_string());
+    let segments = parts.into_iter().map(|states| OrbitSegment::new(states, OrbitInterpolation::CUBIC, [None; 2]));
+    let segments = segments.collect::<Result<Vec<_>, _>>().map_err(unfit)?;
+    let mut history = OrbitHistory::new("table with a header", centre, segments).map_err(unfit)?;
+    history.notes.extend(axes.note().map(Into::into));
+    if let TimeColumn::Date(system) = time.0 {
+        history.notes.extend(system.note().map(Into::into));
+    }
+    Ok(history)
+}
+
+/// Returns places of position and velocity, and kilometres in their unit.
+fn state_columns(table: &Table<'_>) -> Result<([usize; 6], f64), HistoryError> {
+    if table.column(&["x_m"]).is_some() {
+        return Ok((table.columns_of(["x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s"])?, METRE_KM));
+    }
+    Ok((table.columns_of(["x_km", "y_km", "z_km", "vx_km_s", "vy_km_s", "vz_km_s"])?, 1.0))
 }

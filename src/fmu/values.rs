@@ -1,11 +1,14 @@
-//! Inputs and parameters of an instance: what the importer sets, as a sample of the plant.
+//! Values of an instance: inputs and parameters, which the importer sets, as a sample of the plant; and outputs, head by head,
+//! of frames and of star trackers.
 
 use crate::error::FmuError;
 use base::axes::{Rotation, WRITTEN_NORM_TOLERANCE};
 use base::{refused::Refused, time::Tai, units::METRE_KM};
+use frames::sink::{SentFrame, TruthKind};
 use glam::DVec3;
-use run::runtime::{PlantAttitude, PlantSample};
+use run::runtime::{PlantAttitude, PlantSample, TrackerOutput};
 use sky::observer::BarycentricState;
+use testbed::tracker::Outcome;
 
 /// Inputs and parameters.
 #[derive(Debug, Clone, PartialEq)]
@@ -65,6 +68,44 @@ impl Inputs {
         BarycentricState {
             position_km: DVec3::from_array(self.position) * METRE_KM,
             velocity_km_s: DVec3::from_array(self.velocity) * METRE_KM,
+        }
+    }
+}
+
+/// Outputs of one head.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct HeadOutputs {
+    pub(crate) frames: u64,
+    pub(crate) mid_exposure_s: [f64; 1],
+    pub(crate) truth: [f64; 4],
+    pub(crate) stars: i32,
+    pub(crate) tracker_q: [f64; 4],
+    pub(crate) tracker_valid: bool,
+    pub(crate) tracker_stars: i32,
+    pub(crate) tracker_time_s: [f64; 1],
+}
+
+impl HeadOutputs {
+    /// Takes in a frame that went out.
+    pub(crate) fn take(&mut self, frame: &SentFrame, zero: Tai) {
+        let meta = &frame.meta;
+        self.frames += 1;
+        self.mid_exposure_s = [(meta.mid_exposure - zero).s()];
+        self.truth = meta.attitude_wxyz;
+        self.stars =
+            i32::try_from(frame.truth.iter().filter(|star| star.kind == TruthKind::Star).count()).unwrap_or(i32::MAX);
+    }
+
+    /// Takes in what the head's tracker said last.
+    pub(crate) fn take_tracker(&mut self, output: &TrackerOutput, zero: Tai) {
+        self.tracker_time_s = [(output.mid_exposure - zero).s()];
+        match output.outcome {
+            Outcome::Solved(solution) => {
+                self.tracker_valid = true;
+                self.tracker_q = solution.sensor_from_icrf.wxyz();
+                self.tracker_stars = i32::try_from(solution.stars).unwrap_or(i32::MAX);
+            }
+            Outcome::NoSolution(_) => (self.tracker_valid, self.tracker_stars) = (false, 0),
         }
     }
 }
