@@ -9,7 +9,7 @@ use anyhow::Result;
 use config::{Bench, Plant, Radiometry};
 use core::{f64::consts::TAU, fmt::Write};
 use plan::exposure::ExposurePlan;
-use run::wiring::seen_mag::{SEEN_SNR, sensitivity_for_suns};
+use run::wiring::sensitivity::{SEEN_SNR, sensitivity_for_suns};
 use run::{runtime::RunParams, wiring::sensitivity::Sensitivity};
 use stars::{Sky, StarIndex};
 

@@ -12,13 +12,15 @@ use crate::cli::{
 use anyhow::{Result, bail};
 use base::clock::{Clock, Monotonic, Stopwatch};
 use base::time::Tai;
-use config::{Scenario, Wire};
+use config::Scenario;
 use core::sync::atomic::Ordering;
 use frames::report::HygieneLine;
+use link::WireFormat;
 use run::runtime::{Hygiene, HygieneParams, Imager};
 use run::wiring::assemble::{Outputs, Run, RunOptions};
 use run::wiring::memory::{RunForm, RunMemory};
-use run::wiring::{capture_tap::CaptureOptions, live_tap::LiveOptions, sinks::run_directory, verdict::CutShort};
+use run::wiring::taps::{CaptureOptions, LiveOptions};
+use run::{wiring::sinks::run_directory, wiring::verdict::CutShort};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -156,7 +158,7 @@ fn say_left_out(scenario: &Scenario) {
 fn check_capture(arguments: &RunArgs, scenario: &Scenario) -> Result<()> {
     let mut links = core::iter::once(&scenario.bench.link).chain(&scenario.bench.extra_links);
     let is_candump = arguments.capture.is_some() && arguments.capture_format == CaptureFormatName::Candump;
-    if is_candump && links.any(|link| matches!(link.wire, Wire::Serial | Wire::Plain)) {
+    if is_candump && links.any(|link| matches!(link.wire, WireFormat::Serial | WireFormat::Plain)) {
         bail!(
             "--capture-format candump: got a bench with a serial line or a plain link; wanted pcapng: a candump log holds CAN only"
         );

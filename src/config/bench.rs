@@ -1,28 +1,25 @@
 //! A bench file: one run of the stimulator.
 
 use crate::budget::{Budget, BudgetKeys};
+use crate::camera::{Camera, HEADS_MAX, Head, HeadKeys, check_heads, quaternion};
 use crate::check::{Checker, Defaulted};
 use crate::flight_computer::{FlightComputer, FlightComputerKeys, JitterSource};
-use crate::head::{HEADS_MAX, Head, HeadKeys, check_heads, quaternion};
 use crate::jitter::{JitterInput, JitterKeys};
 use crate::key::{Section, section};
 use crate::key_type::{Any, Numbers, Raw, Shape, Whole, Word};
-use crate::link::{Carrier, Link, Wire};
+use crate::link::{Carrier, Link, LinkKeys, SessionKeys, SessionParams};
 use crate::observer::{Observer, ObserverKeys};
 use crate::plant::{PlantKeys, PlantKind};
-use crate::session::{Session, SessionKeys};
 use crate::sink::{Sink, SinkKeys, SinkSettings};
 use crate::stages::{AccuracyKeys, AttitudeKeys, AttitudeSettings, Render, RenderKeys, check_accuracy};
 use crate::target::{Overlap, TargetKeys, TargetSettings, check_seen, check_targets};
 use crate::timing::{Timing, TimingKeys};
 use crate::tracker_out::{TrackerOut, TrackerOutKeys, check_tracker_outs};
 use crate::trigger_line::{TriggerLine, TriggerLineKeys, check_trigger_lines};
-use crate::{
-    camera::Camera, document::Document, error::ConfigError, event_word::EventKeys, expect::ExpectKeys,
-    link_keys::LinkKeys, plain_link,
-};
+use crate::{document::Document, error::ConfigError, event_word::EventKeys, expect::ExpectKeys, plain_link};
 use base::accuracy::AccuracyBudget;
 use base::axes::{Body, Rotation, Sensor};
+use link::WireFormat;
 use std::path::{Path, PathBuf};
 
 const BUILT_IN_BENCH: &str = "benches/loopback.toml";
@@ -54,7 +51,7 @@ pub struct Bench {
     /// Telemetry of star trackers.
     pub tracker_outs: Vec<TrackerOut>,
     /// The conversation with the flight computer.
-    pub session: Session,
+    pub session: SessionParams,
     /// How the sensor is mounted.
     pub sensor_from_body: Rotation<Sensor, Body>,
     /// Further camera heads.
@@ -205,7 +202,7 @@ fn check_one_delay(is_given: bool, link: &Link, check: &Checker<'_>) -> Result<(
 fn check_classic_jitter(link: &Link, computer: &FlightComputer, check: &Checker<'_>) -> Result<(), ConfigError> {
     const PAIRS_HZ: f64 = 1000.0;
     let hz = computer.jitter_sample_hz;
-    let paired = link.wire == Wire::CanClassic && computer.jitter_source == JitterSource::Samples;
+    let paired = link.wire == WireFormat::CanClassic && computer.jitter_source == JitterSource::Samples;
     if paired && (hz - PAIRS_HZ).abs() > 0.0 {
         let advice = "classic CAN sends jitter at 1 kHz only; CAN FD and serial take other rates";
         return Err(check.invalid("flight_computer.jitter_sample_hz", hz, "1000 on classic CAN", advice));
@@ -267,7 +264,7 @@ fn check_both_ends(
         return Err(check.invalid("link.pps", format!("{sources} sources of pulses"), "one", advice));
     }
     let far_port = |link: &Link| match &link.carrier {
-        Carrier::SerialPort(settings) => Some(settings.far_port.is_some()),
+        Carrier::SerialPort { far_port, .. } => Some(far_port.is_some()),
         Carrier::Simulated(_) | Carrier::SocketCan { .. } | Carrier::Udp { .. } | Carrier::Tcp { .. } => None,
     };
     if far_port(link) == Some(false) && !computer.is_external {
@@ -335,7 +332,7 @@ impl Bench {
         let link = Link::check(&keys.link, &mut check)?;
         let extra_links = Link::check_extra(&keys.extra_link, &mut check)?;
         let trigger_lines = check_trigger_lines(&keys.trigger_line, &mut check)?;
-        let session = Session::check(&keys.session, &mut check)?;
+        let session = SessionParams::check(&keys.session, &mut check)?;
         let sensor_from_body = mounting(&keys.mounting, &mut check)?;
         let observer = Observer::check(&keys.observer, &mut check)?;
         let light_deflection = keys.observer.light_deflection().check(&mut check)?;

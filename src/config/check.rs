@@ -1,7 +1,7 @@
 //! The rules a value must meet, with one form of message, and the list of defaults that were taken.
 
-use crate::error::{ConfigError, Partly};
-use crate::{document::Document, nearest::with_what_was_meant};
+use crate::document::Document;
+use crate::error::{ConfigError, Partly, with_what_was_meant};
 use core::fmt;
 use std::ops::RangeInclusive;
 

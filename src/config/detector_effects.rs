@@ -2,12 +2,12 @@
 //! keys and check of each in one file.
 
 use crate::check::{Checker, Rule};
-use crate::detector_dark::{CELSIUS, MOST_DARK_E_PER_S};
-use crate::detector_pattern::{LineKeys, MapKeys};
-use crate::detector_readout::{GainRule, NonlinearityKeys, RowNoiseKeys};
-use crate::key::{Given, Section, section};
+use crate::detector::{
+    CELSIUS, GainRule, LARGEST_SIDE_PX, LineKeys, MOST_DARK_E_PER_S, MapKeys, NonlinearityKeys, RowNoiseKeys,
+};
+use crate::key::{Given, Section, section, taken};
 use crate::key_type::{Whole, Word};
-use crate::{detector::LARGEST_SIDE_PX, error::ConfigError, radiometry::Exposure};
+use crate::{error::ConfigError, radiometry::Exposure};
 use base::bayer::BayerPattern;
 use image::detector::binning::{Binning, BinningKind, MOST};
 use image::detector::charge_transfer::{ChargeTransfer, MOST_LEFT_BEHIND, OutputCorner};
@@ -280,12 +280,8 @@ pub(super) fn check_effects(
 }
 
 fn colour_filter(keys: &ColourFilterKeys, check: &mut Checker<'_>) -> Result<ColourFilter, ConfigError> {
-    Ok(ColourFilter {
-        pattern: keys.pattern().check(check)?,
-        red: keys.red().check(check)?,
-        green: keys.green().check(check)?,
-        blue: keys.blue().check(check)?,
-    })
+    taken!(check, keys => pattern, red, green, blue);
+    Ok(ColourFilter { pattern, red, green, blue })
 }
 
 fn blooming(keys: &BloomingKeys, check: &mut Checker<'_>) -> Result<Blooming, ConfigError> {
@@ -373,13 +369,14 @@ pub(super) fn tdi_exposure(
 }
 
 fn defects(keys: &DefectsKeys, check: &mut Checker<'_>) -> Result<DefectPopulation, ConfigError> {
+    taken!(check, keys => hot_share, hot_e_per_s, dead_share, dead_response, rts_share, rts_e_per_s);
     Ok(DefectPopulation {
-        hot_share: keys.hot_share().check(check)?,
-        hot_e_per_s: keys.hot_e_per_s().check(check)?,
-        dead_share: keys.dead_share().check(check)?,
-        dead_response: keys.dead_response().check(check)?,
-        rts_share: keys.rts_share().check(check)?,
-        rts_e_per_s: keys.rts_e_per_s().check(check)?,
+        hot_share,
+        hot_e_per_s,
+        dead_share,
+        dead_response,
+        rts_share,
+        rts_e_per_s,
         rts_rates: Rates {
             up_per_s: keys.rts_up_per_s().check(check)?,
             down_per_s: keys.rts_down_per_s().check(check)?,
@@ -405,10 +402,7 @@ fn protons(
     };
     let per_cm2_s = keys.per_cm2_s().check(check)?;
     let flux = ProtonFlux { per_cm2_s, energy_mev: keys.energy_mev().check(check)?, direction };
-    let layer = SensitiveLayer {
-        thickness_um: keys.thickness_um().check(check)?,
-        track_width_px: keys.track_width_px().check(check)?,
-        ..typical
-    };
+    taken!(check, keys => thickness_um, track_width_px);
+    let layer = SensitiveLayer { thickness_um, track_width_px, ..typical };
     Ok((layer, (flux.per_cm2_s > 0.0).then_some(flux)))
 }

@@ -1,11 +1,11 @@
 //! `[[event]]`: commands to the flight computer and faults, each at its time.
 //!
 //! A key that a word has no use for is refused: it would be given in vain. Words: `event_word`; their values:
-//! `event_reader`, `event_writer`. Tests: `event_tests`.
+//! `event_reader`. Tests: `event_tests`.
 
-use crate::event_word::{ACTIONS, EventKeys, OF_ALL};
+use crate::event_word::{ACTIONS, EventKeys, OF_ALL, words};
 use crate::key::{Given, Section};
-use crate::{check::Checker, document::Document, error::ConfigError, event_reader::Reader, event_row::words};
+use crate::{check::Checker, document::Document, error::ConfigError, event_reader::Reader};
 use base::time::Span;
 use frames::sink::FrameFault;
 use link::tap::LinkFault;

@@ -2,7 +2,7 @@
 
 use crate::event::{Action, Event};
 use crate::{bench::Bench, check::Checker, error::ConfigError};
-use frames::sink::{DefectSpots, FrameFault, PixelFault};
+use frames::sink::{CameraFault, DefectSpots, FrameFault, ImageFault, PixelFault};
 use testbed::vehicle::VehicleFault;
 
 /// Refuses an event that names what the run does not have; `key` is its place, such as `event[2]`, and `wheels` the
@@ -58,31 +58,17 @@ fn check_fault(fault: FrameFault, key: &str, head: &Bench, check: &Checker<'_>) 
     }
     let largest_dn = (1_u32 << bits) - 1;
     match fault {
-        FrameFault::BitFlip { bit, .. } if u32::from(bit) >= bits => {
+        FrameFault::Image(ImageFault::BitFlip { bit, .. }) if u32::from(bit) >= bits => {
             let wanted = format!("less than {bits}, the number of bits of the camera's detector");
             Err(check.invalid(&format!("{key}.bit"), bit, wanted, "bits are counted from 0"))
         }
-        FrameFault::Pixels { fault: PixelFault::Stuck { dn }, .. } if u32::from(dn) > largest_dn => {
+        FrameFault::Camera(CameraFault::Pixels { fault: PixelFault::Stuck { dn }, .. })
+            if u32::from(dn) > largest_dn =>
+        {
             let wanted = format!("at most {largest_dn}, the largest number of the camera's detector");
             Err(check.invalid(&format!("{key}.dn"), dn, wanted, "digital numbers are counted from 0"))
         }
-        FrameFault::BitFlip { .. }
-        | FrameFault::Pixels { .. }
-        | FrameFault::Drop
-        | FrameFault::Duplicate
-        | FrameFault::Late(_)
-        | FrameFault::Torn
-        | FrameFault::Blank
-        | FrameFault::StrayLight { .. }
-        | FrameFault::StrayLightRamp { .. }
-        | FrameFault::Defocus { .. }
-        | FrameFault::Contamination { .. }
-        | FrameFault::TemperatureStep { .. }
-        | FrameFault::Saturation { .. }
-        | FrameFault::FalseStars { .. }
-        | FrameFault::MissingStars { .. }
-        | FrameFault::MissingBrightStars { .. }
-        | FrameFault::Protons(_) => Ok(()),
+        FrameFault::Sending(_) | FrameFault::Image(_) | FrameFault::Camera(_) => Ok(()),
     }
 }
 

@@ -7,6 +7,7 @@ use base::units::{ARCSEC, DEG};
 use core::f64::consts::PI;
 use glam::DVec3;
 use plan::attitude::{JitterLine, MOST_ACCELERATION_RAD_S2, MOST_RATE_RAD_S};
+use testbed::flight_computer::JitterLineParams;
 
 /// Least and largest right ascension that is taken, degrees: one turn to either side.
 pub const RIGHT_ASCENSION_DEG: [f64; 2] = [-360.0, 360.0];
@@ -24,28 +25,6 @@ pub enum JitterSource {
     Lines,
     /// As samples over the bus.
     Samples,
-}
-
-/// One line of the jitter spectrum, sensor axes.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct JitterLineSettings {
-    /// Frequency, Hz.
-    pub frequency_hz: f64,
-    /// Amplitude about the sensor's x, y and z axes, arcsec.
-    pub amplitude_arcsec: [f64; 3],
-    /// Phase at the start of the run, deg.
-    pub phase_deg: f64,
-}
-
-impl JitterLineSettings {
-    /// Returns the line as `plan::attitude` takes it, its epoch being the start of the run.
-    pub fn line(&self) -> JitterLine {
-        JitterLine {
-            frequency_hz: self.frequency_hz,
-            amplitude_rad: DVec3::from_array(self.amplitude_arcsec) * ARCSEC,
-            phase_rad: self.phase_deg * DEG,
-        }
-    }
 }
 
 /// A rest-to-rest turn.
@@ -79,7 +58,7 @@ pub struct FlightComputer {
     /// Another motion.
     pub motion: Option<Motion>,
     /// Jitter of the line of sight.
-    pub jitter_lines: Vec<JitterLineSettings>,
+    pub jitter_lines: Vec<JitterLineParams>,
     /// How it reaches the stimulator.
     pub jitter_source: JitterSource,
     /// Samples per second when it is sent as samples.
@@ -195,6 +174,15 @@ impl FlightComputer {
         Ok(checked)
     }
 
+    /// Returns the lines as `plan::attitude` takes them, their epoch being the start of the run.
+    pub fn known_lines(&self) -> impl Iterator<Item = JitterLine> + '_ {
+        self.jitter_lines.iter().map(|line| JitterLine {
+            frequency_hz: line.frequency_hz,
+            amplitude_rad: DVec3::from_array(line.amplitude_arcsec) * ARCSEC,
+            phase_rad: line.phase_rad,
+        })
+    }
+
     /// Refuses a slew or a path that would never begin.
     pub(super) fn check_slew_begins_before(&self, duration_s: f64, check: &Checker<'_>) -> Result<(), ConfigError> {
         let slew = self.slew.as_ref().map(|slew| ("flight_computer.slew.start_s", slew.start_s));
@@ -245,7 +233,7 @@ impl Slew {
     }
 }
 
-fn jitter_line(keys: &JitterLineKeys, check: &mut Checker<'_>) -> Result<JitterLineSettings, ConfigError> {
+fn jitter_line(keys: &JitterLineKeys, check: &mut Checker<'_>) -> Result<JitterLineParams, ConfigError> {
     taken!(check, keys => frequency_hz, amplitude_arcsec, phase_deg);
-    Ok(JitterLineSettings { frequency_hz, amplitude_arcsec, phase_deg })
+    Ok(JitterLineParams { frequency_hz, amplitude_arcsec, phase_rad: phase_deg * DEG })
 }

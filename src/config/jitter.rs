@@ -91,8 +91,7 @@ impl JitterInput {
             keys.refuse(&["axes", "start_s", "at_end", "scale"], "jitter.series or jitter.density", check)?;
             return Ok(None);
         }
-        let axes = keys.axes().check(check)?;
-        let scale = keys.scale().check(check)?;
+        taken!(check, keys => axes, scale);
         if density.is_given() {
             keys.refuse(&["start_s", "at_end"], "jitter.series", check)?;
             return Self::of_density(keys, duration_s, (axes, scale), check).map(Some);

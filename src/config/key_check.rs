@@ -1,11 +1,13 @@
 //! The check of keys against their declarations alone, for files whose values crates above read.
 
 use crate::declared::{Declared, Key, Preset};
+use crate::document_tables::{as_clause, wanted_by};
+use crate::error::{ConfigError, nearest};
 use crate::file_kind::{FileKind, must_be};
-use crate::wrong_type::{as_clause, wanted_by};
+use crate::test_plan_keys::{PlanKeys, RequirementKeys};
 use crate::{
-    check::Checker, data_set_keys::DataSetKeys, document::Document, error::ConfigError, file_keys::declared,
-    key_type::Shape, nearest::nearest, requirement_keys::RequirementKeys, several::check_all, test_plan_keys::PlanKeys,
+    check::Checker, document::Document, key_type::Shape, reference::declared, several::check_all,
+    test_plan_keys::DataSetKeys,
 };
 use toml::{Table, Value};
 

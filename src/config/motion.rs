@@ -12,26 +12,13 @@ use base::units::DEG;
 use core::f64::consts::TAU;
 use glam::DVec3;
 use plan::attitude::{MOST_ACCELERATION_RAD_S2, MOST_RATE_RAD_S, MotionScale, Sinusoid};
-use testbed::flight_computer::{AtWaypoints, WaypointError, WaypointMotion};
+use testbed::flight_computer::{AtWaypoints, Swing, WaypointError, WaypointMotion};
 
 /// Farthest that the body may turn from one attitude message to the next, rad: no method of attitude has a bound
 /// beyond.
 const MOST_TURN_RAD: f64 = 1.0;
 /// Most waypoints and sinusoids of a motion.
 const MOST_ROWS: usize = 10_000;
-
-/// A turn to and fro about a body axis.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SwingSettings {
-    /// Unit vector of the axis, body axes.
-    pub axis: [f64; 3],
-    /// Amplitude, deg.
-    pub amplitude_deg: f64,
-    /// Frequency, Hz.
-    pub frequency_hz: f64,
-    /// Phase at the start of the run, deg.
-    pub phase_deg: f64,
-}
 
 /// A motion of the simulated flight computer.
 #[derive(Debug, Clone, PartialEq)]
@@ -41,7 +28,7 @@ pub enum Motion {
         /// Rate, body axes, deg/s.
         rate_deg_s: [f64; 3],
         /// Sinusoids.
-        swings: Vec<SwingSettings>,
+        swings: Vec<Swing>,
     },
     /// A path through pointings of the boresight, each at its time in s after the start of the run.
     Waypoints {
@@ -191,10 +178,7 @@ impl Motion {
                 rate_rad_s: DVec3::from_array(*rate_deg_s).length() * DEG,
                 sinusoids: swings
                     .iter()
-                    .map(|swing| Sinusoid {
-                        frequency_hz: swing.frequency_hz,
-                        amplitude_rad: swing.amplitude_deg * DEG,
-                    })
+                    .map(|swing| Sinusoid { frequency_hz: swing.frequency_hz, amplitude_rad: swing.amplitude_rad })
                     .collect(),
                 ..MotionScale::default()
             },
@@ -259,13 +243,18 @@ fn check_count(name: &str, count: usize, least: usize, check: &Checker<'_>) -> R
     Err(check.invalid(&format!("flight_computer.motion.{name}"), count, wanted, &advice))
 }
 
-fn swing(keys: &SinusoidKeys, check: &mut Checker<'_>) -> Result<SwingSettings, ConfigError> {
+fn swing(keys: &SinusoidKeys, check: &mut Checker<'_>) -> Result<Swing, ConfigError> {
     taken!(check, keys => axis, amplitude_deg, frequency_hz, phase_deg);
     let norm = DVec3::from_array(axis).length();
     if !(norm.is_finite() && norm > 1e-6) {
         return Err(keys.axis().invalid(format!("{axis:?}"), "three finite numbers that are not all 0", check));
     }
-    Ok(SwingSettings { axis: axis.map(|component| component / norm), amplitude_deg, frequency_hz, phase_deg })
+    Ok(Swing {
+        axis_body: DVec3::from_array(axis.map(|component| component / norm)),
+        amplitude_rad: amplitude_deg * DEG,
+        frequency_hz,
+        phase_rad: phase_deg * DEG,
+    })
 }
 
 fn waypoint(keys: &WaypointKeys, check: &mut Checker<'_>) -> Result<(f64, Pointing), ConfigError> {

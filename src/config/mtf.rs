@@ -3,7 +3,7 @@
 //! Every key left out is off. Diffraction is always on (`[psf]` has its F-number and obscuration), the pixel too. The
 //! light is one wavelength (`psf.wavelength_nm`), or the camera's `[band]` for a star of colour `psf.bp_rp`.
 
-use crate::key::{Section, section};
+use crate::key::{Section, section, taken};
 use crate::key_type::{Whole, Word};
 use crate::psf::{Psf, PsfKeys};
 use crate::{check::Checker, detector::Detector, error::ConfigError, optics::Optics};
@@ -82,8 +82,7 @@ impl Chain {
         let f_number = lens.f_number().or(optics.f_number()).check(check)?;
         let obscuration = lens.obscuration().or(optics.obscuration).check(check)?;
         let light = light(lens, check)?;
-        let assembly_um = keys.assembly_um().check(check)?;
-        let fabrication_um = keys.fabrication_um().check(check)?;
+        taken!(check, keys => assembly_um, fabrication_um);
         let aperture_px = keys.pixel_aperture().check(check)?;
         let params = ChainParams {
             pixel_pitch_um: detector.pixel_pitch_um,
@@ -174,8 +173,7 @@ fn diffusion(keys: &MtfKeys, check: &mut Checker<'_>) -> Result<Option<Diffusion
     if !keys.given().iter().any(|(key, is_given)| *is_given && of_layers.contains(key)) {
         return Ok(None);
     }
-    let depletion_um = keys.depletion_um().check(check)?;
-    let diffusion_length_um = keys.diffusion_length_um().check(check)?;
+    taken!(check, keys => depletion_um, diffusion_length_um);
     let back = keys.field_free_um().optional(check)?;
     let side = back.map_or(Side::Front, |field_free_um| Side::Back { field_free_um });
     Ok(Some(Diffusion::Layered(Layers { depletion_um, diffusion_length_um, side })))

@@ -2,8 +2,8 @@
 
 use crate::key::{Given, Section, section, taken};
 use crate::key_type::{Any, Raw, Shape, Whole, Word};
-use crate::{check::Checker, error::ConfigError, kernels::Kernels};
-use crate::{kernels::refused, plant_file::text_of};
+use crate::named_files::{Kernels, refused};
+use crate::{check::Checker, error::ConfigError, plant::text_of};
 use base::{time::Tai, units::DEG};
 use histories::{OrbitHistory, read};
 use sky::observer::check_states;
@@ -24,8 +24,26 @@ pub enum Observer {
         /// Furthest from their epoch that they are used, days.
         max_age_days: f64,
     },
-    /// A circular orbit about the Earth.
-    CircularOrbit {
+    /// In an orbit.
+    Orbit(OrbitSettings),
+    /// On the states of a file.
+    Table(Arc<OrbitHistory>),
+}
+
+/// An orbit of the sensor or of a target, checked as far as its form goes.
+#[derive(Debug, Clone, PartialEq)]
+pub enum OrbitSettings {
+    /// Mean elements: the one set, or the object with the number.
+    Mean {
+        /// Lines, or an orbit mean-elements message.
+        text: String,
+        /// Catalog number.
+        norad_id: Option<u64>,
+        /// Furthest from their epoch that they are used, days.
+        max_age_days: f64,
+    },
+    /// A circle about the Earth's centre.
+    Circular {
         /// Height above the equatorial radius, km.
         altitude_km: f64,
         /// Inclination to the equator, deg.
@@ -35,7 +53,7 @@ pub enum Observer {
         /// Angle from the node along the orbit at the first exposure, deg: one second after `timing.start_utc`.
         argument_of_latitude_deg: f64,
     },
-    /// A conic about the Earth, the Moon or the Sun.
+    /// A conic about the Earth, the Moon or the Sun, ICRF axes.
     TwoBody {
         /// The central body.
         about: CentralBody,
@@ -43,17 +61,6 @@ pub enum Observer {
         epoch: Option<Tai>,
         /// Where it is then.
         start: OrbitStart,
-    },
-    /// On the states of a file.
-    Table(Arc<OrbitHistory>),
-    /// By the elements of a file: two-line elements, or an OMM.
-    Elements {
-        /// The file's text.
-        text: String,
-        /// Catalog number of the object, where the file has several.
-        norad_id: Option<u64>,
-        /// Furthest from their epoch that they are used, days.
-        max_age_days: f64,
     },
 }
 
@@ -191,7 +198,7 @@ fn file(keys: &ObserverKeys, check: &mut Checker<'_>) -> Result<Observer, Config
         let wanted = "two element lines, or an OMM, of one object";
         let read = TleOrbit::read(&text, norad_id, Tai::from_ns(0));
         read.map_err(|error| given.invalid(format!("{path}: {error}"), wanted, check))?;
-        return Ok(Observer::Elements { text, norad_id, max_age_days });
+        return Ok(Observer::Orbit(OrbitSettings::Mean { text, norad_id, max_age_days }));
     }
     let history = read::orbit(&path, &text).map_err(|error| refused(&given, &error, check))?;
     states(keys, history, check)
@@ -211,7 +218,7 @@ fn two_body(keys: &ObserverKeys, check: &mut Checker<'_>) -> Result<Observer, Co
     let epoch = epoch(keys, check)?;
     let is_state = keys.position_km().is_given() || keys.velocity_km_s().is_given();
     let start = if is_state { state(keys, check)? } else { OrbitStart::Elements(elements(keys, check)?) };
-    Ok(Observer::TwoBody { about, epoch, start })
+    Ok(Observer::Orbit(OrbitSettings::TwoBody { about, epoch, start }))
 }
 
 fn epoch(keys: &ObserverKeys, check: &mut Checker<'_>) -> Result<Option<Tai>, ConfigError> {
@@ -261,7 +268,7 @@ fn circular_orbit(keys: &ObserverKeys, check: &mut Checker<'_>) -> Result<Observ
     let altitude_km = keys.altitude_km().check(check)?;
     let inclination_deg = keys.inclination_deg().or(97.6).check(check)?;
     taken!(check, keys => raan_deg, argument_of_latitude_deg);
-    Ok(Observer::CircularOrbit { altitude_km, inclination_deg, raan_deg, argument_of_latitude_deg })
+    Ok(Observer::Orbit(OrbitSettings::Circular { altitude_km, inclination_deg, raan_deg, argument_of_latitude_deg }))
 }
 
 fn tle(keys: &ObserverKeys, check: &mut Checker<'_>) -> Result<Observer, ConfigError> {

@@ -270,7 +270,7 @@ pub(super) fn joined(keys: &str, key: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Bench, declared::Declared, file_keys::declared, file_kind::FileKind, key_type::Shape};
+    use crate::{Bench, declared::Declared, file_kind::FileKind, key_type::Shape, reference::declared};
     use std::collections::BTreeSet;
 
     const BENCH: &str = "[timing]\nduration_s = 2.0\n[jitter]\nseries = \"in/shake it.csv\"\nat_end = \"repeat\"\n";
@@ -363,16 +363,8 @@ mod tests {
     /// Keys of such a name whose value is a text and no path.
     fn words_of(declared: &Declared, under: &str, found: &mut BTreeSet<String>) {
         for key in &declared.keys {
-            let is_word = match &key.shape {
-                Shape::Words(_) | Shape::Either(_) => true,
-                Shape::Text(what) => !what.starts_with("path"),
-                Shape::Number(_)
-                | Shape::Whole(_)
-                | Shape::Flag
-                | Shape::Row(..)
-                | Shape::List(_)
-                | Shape::Table(_) => false,
-            };
+            let is_text = matches!(&key.shape, Shape::Text(what) if !what.starts_with("path"));
+            let is_word = is_text || matches!(key.shape, Shape::Words(_) | Shape::Either(_));
             let key = joined(under, key.name);
             if is_word && names_data(&key) {
                 found.insert(key);

@@ -2,12 +2,12 @@
 //!
 //! `kind = "udp"` and `"tcp"`, and `wire = "plain"` on a simulated bus. Tests: `plain_link_tests`.
 
+use crate::error::{ConfigError, nearest};
 use crate::flight_computer::{FlightComputer, JitterSource};
-use crate::link::{Carrier, Link, Wire, address, named_address};
-use crate::link_keys::{Kind, LinkTable};
-use crate::session::{Session, SessionStart};
-use crate::{check::Checker, error::ConfigError, key::Section, nearest::nearest};
+use crate::link::{Carrier, Kind, Link, LinkTable, SessionParams, SessionStart, address, named_address};
+use crate::{check::Checker, key::Section};
 use base::time::Span;
+use link::WireFormat;
 use link::plain::{Encoding, FIELD_NAMES, LayoutError, PlainLayout, QuaternionSense, TimeMeaning};
 
 /// Keys that only plain links have.
@@ -37,10 +37,10 @@ pub(super) enum Form {
 pub(super) fn plain(
     keys: &LinkTable,
     kind: Kind,
-    wire: Wire,
+    wire: WireFormat,
     check: &mut Checker<'_>,
 ) -> Result<Option<Plain>, ConfigError> {
-    if wire != Wire::Plain {
+    if wire != WireFormat::Plain {
         keys.refuse(&KEYS, "kind = \"udp\" or \"tcp\", or wire = \"plain\"", check)?;
         return Ok(None);
     }
@@ -132,7 +132,7 @@ pub(super) fn carrier(keys: &LinkTable, kind: Kind, check: &Checker<'_>) -> Resu
 pub(super) fn check_bench(
     (link, extra_links): (&Link, &[Link]),
     computer: &FlightComputer,
-    session: &Session,
+    session: &SessionParams,
     check: &Checker<'_>,
 ) -> Result<(), ConfigError> {
     if let Some(i) = extra_links.iter().position(|extra| extra.plain.is_some() || link.plain.is_some()) {

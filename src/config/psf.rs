@@ -6,7 +6,7 @@
 //! not contain it: a replay reads it from its original place.
 
 use crate::check::{Checker, Rule};
-use crate::key::{Section, listed, section};
+use crate::key::{Section, listed, section, taken};
 use crate::key_type::{Raw, Shape, Whole, Word};
 use crate::mtf::{Chain, MtfKeys};
 use crate::optics::{LARGEST_OBSCURATION, Optics};
@@ -285,8 +285,7 @@ impl NodeKeys {
     }
 
     fn measurement(&self, check: &mut Checker<'_>) -> Result<Measurement, ConfigError> {
-        let samples_per_px = self.samples_per_px().check(check)?;
-        let holds = self.holds().check(check)?;
+        taken!(check, self => samples_per_px, holds);
         let words = [("none", Background::None), ("border", Background::Border)];
         let given = self.background();
         let background = match given.raw() {

@@ -1,7 +1,7 @@
 //! `[radiometry]` and `[exposure]`.
 
 use crate::check::{Checker, Rule};
-use crate::key::{Section, section};
+use crate::key::{Section, section, taken};
 use crate::key_type::{Any, Raw, Shape, Word};
 use crate::{detector::Detector, error::ConfigError};
 use core::fmt;
@@ -206,11 +206,8 @@ impl RadiometryKeys {
 
 impl Exposure {
     pub(super) fn check(keys: &ExposureKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
-        Ok(Self {
-            exposure_s: keys.exposure_s().check(check)?,
-            rolling_line_us: keys.rolling_line_us().check(check)?,
-            readout_s: keys.readout_s().check(check)?,
-        })
+        taken!(check, keys => exposure_s, rolling_line_us, readout_s);
+        Ok(Self { exposure_s, rolling_line_us, readout_s })
     }
 }
 

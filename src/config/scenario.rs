@@ -2,23 +2,25 @@
 //!
 //! A bench file holds all of it, and a bench is a scenario without a vehicle. A scenario file names a bench and a
 //! spacecraft, and takes everything else from the bench.
+//!
+//! `[plant.tracker]` of a plant outside: the built-in star trackers beside it.
 
 use crate::bench::{Bench, BesideBench, check_sinks_of_heads};
+use crate::camera::{HEADS_MAX, HeadKeys, check_heads};
 use crate::check::{Checker, Defaulted};
 use crate::error::{ConfigError, Partly};
 use crate::event::{Action, Event};
 use crate::expect::{Expect, ExpectKeys};
 use crate::file_kind::{FileKind, must_be_one_of};
-use crate::head::{HEADS_MAX, HeadKeys, check_heads};
-use crate::key::{Given, section};
+use crate::key::{Given, Section, section};
 use crate::plant::{
-    ControlKeys, FlightKeys, IN_BENCH, IN_SCENARIO, InitialKeys, Plant, PlantKind, PointingKeys, TelemetryKeys,
-    TrackerKeys, Vehicle,
+    ControlKeys, FilePlant, FlightKeys, IN_BENCH, IN_SCENARIO, InitialKeys, Plant, PlantKeys, PlantKind, PointingKeys,
+    TelemetryKeys, TrackerCommands, TrackerKeys, Vehicle,
 };
 use crate::several::{check_all, check_partly};
 use crate::{
-    document::Document, event_places::check_event_places, event_word::EventKeys, key_type::Whole, observer::Observer,
-    outside_trackers::OutsideTrackers, plant_file::FilePlant, session::SessionStart, setting::Setting,
+    document::Document, event_places::check_event_places, event_word::EventKeys, key_type::Whole, link::SessionStart,
+    observer::Observer, observer::OrbitSettings, setting::Setting,
 };
 use base::time::Span;
 use std::path::Path;
@@ -245,7 +247,7 @@ impl Scenario {
 fn check_can_fly(bench: &Bench, check: &Checker<'_>) -> Result<(), ConfigError> {
     let got = format!("\"{}\"", bench.name);
     let refuse = |wanted: &str, advice: &str| Err(check.invalid("bench", &got, wanted, advice));
-    if !matches!(bench.observer, Observer::CircularOrbit { .. }) {
+    if !matches!(bench.observer, Observer::Orbit(OrbitSettings::Circular { .. })) {
         let advice = "the flown orbit is circular: gravity gradient and aberration follow it";
         return refuse("a bench whose observer.kind is \"circular_orbit\"", advice);
     }
@@ -364,4 +366,53 @@ fn override_bench(bench: &mut Bench, keys: &ScenarioKeys, check: &Checker<'_>) -
         bench.seed = seed;
     }
     Ok(())
+}
+
+/// The built-in star trackers beside a plant outside, one for each head.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OutsideTrackers {
+    /// How long a tracker thinks: end of readout to attitude.
+    pub delay: Span,
+    /// Error of the trackers' time tags, unknown to their readers.
+    pub tag_error: Span,
+    /// Most stars a tracker measures in a frame.
+    pub most_stars: usize,
+    /// Commands of the trackers to their cameras.
+    pub commands: TrackerCommands,
+}
+
+impl Default for OutsideTrackers {
+    /// Returns the values of a `[plant.tracker]` without keys.
+    fn default() -> Self {
+        Self { delay: Span::from_ms(50), tag_error: Span::ZERO, most_stars: 40, commands: TrackerCommands::default() }
+    }
+}
+
+impl PlantKeys {
+    /// Reads the trackers beside a plant outside, if it has any.
+    pub(super) fn outside_trackers(
+        &self,
+        bench: &Bench,
+        check: &mut Checker<'_>,
+    ) -> Result<Option<OutsideTrackers>, ConfigError> {
+        let Some(tracker) = self.tracker.as_ref() else { return Ok(None) };
+        check.unused(
+            "plant.tracker",
+            !bench.is_lockstep(),
+            "a plant outside in lockstep, without a bus that leads out",
+        )?;
+        let heads = || (0..bench.head_count()).map(|number| bench.of_head(number));
+        if heads().any(|head| head.camera.distortion.polynomial.is_some()) {
+            let advice =
+                "the built-in tracker knows no other distortion: leave plant.tracker out, or choose another camera";
+            let wanted = "a camera whose distortion.model is \"brown-conrady\"";
+            return Err(check.invalid("plant.tracker", "given", wanted, advice));
+        }
+        let tracker = tracker.at("plant.tracker");
+        let delay = tracker.delay_ms().ms(check)?;
+        let tag_error = tracker.tag_error_ms().ms(check)?;
+        let most_stars = tracker.stars().check(check)?;
+        let commands = TrackerCommands::check(&tracker, check)?;
+        Ok(Some(OutsideTrackers { delay, tag_error, most_stars, commands }))
+    }
 }

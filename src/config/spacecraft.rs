@@ -332,9 +332,8 @@ fn unloading(keys: &UnloadingKeys, check: &mut Checker<'_>) -> Result<UnloadingP
 }
 
 fn gyro(keys: &GyroKeys, check: &mut Checker<'_>) -> Result<GyroParams, ConfigError> {
-    taken!(check, keys => initial_bias_deg_h, misalignment_arcsec);
-    taken!(check, keys => angle_random_walk_deg_sqrt_h, rate_random_walk_deg_h_sqrt_h, scale_factor_ppm);
-    taken!(check, keys => quantum_arcsec, largest_rate_deg_s);
+    taken!(check, keys => initial_bias_deg_h, misalignment_arcsec, angle_random_walk_deg_sqrt_h);
+    taken!(check, keys => rate_random_walk_deg_h_sqrt_h, scale_factor_ppm, quantum_arcsec, largest_rate_deg_s);
     Ok(GyroParams {
         angle_random_walk_rad_sqrt_s: angle_random_walk_deg_sqrt_h * DEG / SQRT_H,
         rate_random_walk_rad_s_sqrt_s: rate_random_walk_deg_h_sqrt_h * DEG / 3600.0 / SQRT_H,

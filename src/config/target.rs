@@ -3,7 +3,8 @@
 
 use crate::key::{Section, section, taken};
 use crate::key_type::{Numbers, Raw, Shape, Whole, Word};
-use crate::target_orbit::{KINDS, Kind, OrbitSettings, USUAL_ALBEDO, check_brightness};
+use crate::observer::OrbitSettings;
+use crate::target_orbit::{KINDS, Kind, USUAL_ALBEDO, check_brightness};
 use crate::{check::Checker, document::Document, error::ConfigError};
 use plan::exposure::{TargetCurve, TargetPath};
 use sky::{orbit::USUAL_MOST_DAYS, target::Brightness};

@@ -1,57 +1,17 @@
 //! `[[target]] orbit = ...`: targets on the sky, by where they fly about the Earth and how they shine.
 
 use crate::key::{Given, Section, taken};
+use crate::observer::{OrbitSettings, OrbitStart};
 use crate::{check::Checker, error::ConfigError, key_type::Raw, target::TargetKeys};
 use base::{time::Tai, units::DEG};
 use histories::read::packed;
-use sky::orbit::KeplerElements;
+use sky::orbit::{CentralBody, KeplerElements};
 use sky::target::{Brightness, MOST_PHASE_POINTS, PhaseCurve, SUN_BP_RP};
 
 /// Largest size of a file of elements, bytes: a whole catalog.
 const LARGEST_FILE: usize = 64 << 20;
 /// Reflectance assumed for a target: a usual mean of spacecraft and debris.
 pub(super) const USUAL_ALBEDO: f64 = 0.175;
-
-/// Where a target flies, checked as far as its form goes.
-#[derive(Debug, Clone, PartialEq)]
-pub enum OrbitSettings {
-    /// Mean elements: the one set, or the object with the number.
-    Mean {
-        /// Lines, or an orbit mean-elements message.
-        text: String,
-        /// Catalog number.
-        norad_id: Option<u64>,
-        /// Furthest from their epoch that they are used, days.
-        max_age_days: f64,
-    },
-    /// Elements of a conic about the Earth's centre, ICRF axes.
-    TwoBody {
-        /// When they hold.
-        epoch: Tai,
-        /// They.
-        elements: KeplerElements,
-    },
-    /// A state from the geocentre, ICRF axes.
-    StateVector {
-        /// When it holds.
-        epoch: Tai,
-        /// Position, km.
-        position_km: [f64; 3],
-        /// Velocity, km/s.
-        velocity_km_s: [f64; 3],
-    },
-    /// A circle about the Earth's centre.
-    Circular {
-        /// Height above the equatorial radius, km.
-        altitude_km: f64,
-        /// Inclination to the equator, deg.
-        inclination_deg: f64,
-        /// Right ascension of the ascending node, deg.
-        raan_deg: f64,
-        /// Angle from the node along the orbit at the first exposure, deg.
-        argument_of_latitude_deg: f64,
-    },
-}
 
 /// Kinds of `orbit`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -227,7 +187,8 @@ impl TargetKeys {
             argument_of_periapsis_rad: argument_of_perigee_deg * DEG,
             mean_anomaly_rad: mean_anomaly_deg * DEG,
         };
-        Ok(OrbitSettings::TwoBody { epoch, elements })
+        let start = OrbitStart::Elements(elements);
+        Ok(OrbitSettings::TwoBody { about: CentralBody::Earth, epoch: Some(epoch), start })
     }
 
     fn state_vector(&self, check: &Checker<'_>) -> Result<OrbitSettings, ConfigError> {
@@ -241,7 +202,8 @@ impl TargetKeys {
             }
         };
         let position_km = triple(self.position_km(), 1e7)?;
-        Ok(OrbitSettings::StateVector { epoch, position_km, velocity_km_s: triple(self.velocity_km_s(), 100.0)? })
+        let start = OrbitStart::State { position_km, velocity_km_s: triple(self.velocity_km_s(), 100.0)? };
+        Ok(OrbitSettings::TwoBody { about: CentralBody::Earth, epoch: Some(epoch), start })
     }
 
     fn circular(&self, check: &mut Checker<'_>) -> Result<OrbitSettings, ConfigError> {

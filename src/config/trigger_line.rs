@@ -2,7 +2,7 @@
 
 use crate::key::{listed, section};
 use crate::key_type::{Any, Whole, Word};
-use crate::{check::Checker, error::ConfigError, head::HEADS_MAX};
+use crate::{camera::HEADS_MAX, check::Checker, error::ConfigError};
 use frames::camera_control::ExposureMode;
 use link::gpio::{ActiveEdge, GpioLine, LineBias, LineName};
 use std::{path::PathBuf, time::Duration};

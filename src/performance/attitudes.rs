@@ -7,7 +7,7 @@ use anyhow::{Context, Result, bail};
 use base::axes::{Icrf, Sensor, attitude_of_uniforms, sensor_from_ra_dec_roll};
 use base::time::Tai;
 use glam::{DQuat, DVec3};
-use run::wiring::seeded::uniforms;
+use run::wiring::vehicle_parts::uniforms;
 use serde::Deserialize;
 use testbed::spacecraft::sun_direction_icrf;
 

@@ -3,19 +3,17 @@
 
 mod draw;
 
-use crate::runtime::conditions::Conditions;
-
-pub use crate::runtime::describe::fill_meta;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::load::{LoadChange, LoadEstimate};
 use crate::runtime::marks::{FrameMark, FrameMarks};
 use crate::runtime::slot::{Slot, Started};
 use crate::runtime::{
-    error::RunError, exposing::Exposing, imager::Imager, params::RunParams, path_facts::PathFacts, receiver::Receiver,
+    conditions::Conditions, describe::PathFacts, error::RunError, exposing::Exposing, imager::Imager,
+    params::RunParams, receiver::Receiver,
 };
 use base::time::{Span, Tai};
 use base::{axes::Rotation, clock::Stopwatch, refused::Refused, region::Regions, units::SPEED_OF_LIGHT_KM_S};
-pub use draw::Light;
+use config::Overlap;
 use frames::report::{FrameEnd, Stage, StageTimes};
 use frames::sink::SentFrame;
 use glam::DVec3;
@@ -29,6 +27,9 @@ use scene::{Scene, field_light::illumination_map, wcs::WcsMaker};
 use sky::{almanac::Almanac, astrometry::Sight};
 use stars::Sky;
 
+pub use crate::runtime::describe::fill_meta;
+pub use draw::Light;
+
 /// Content of the image of a slot.
 enum Shown {
     Stars,
@@ -41,7 +42,8 @@ pub struct FrameEngine {
     /// Number of its head, by which it finds its mounting in the receiver.
     head: usize,
     params: RunParams,
-    exposing: Exposing,
+    /// The times and settings of its exposures, for commands.
+    pub exposing: Exposing,
     planner: Planner,
     /// Planners of other optics; the entry of the optics in use is empty.
     optics: Vec<Option<Planner>>,
@@ -57,9 +59,11 @@ pub struct FrameEngine {
     load: Option<LoadEstimate>,
     /// Largest expected motion of the body, if known.
     motion: Option<MotionScale>,
-    pointing_bound_rad: Option<f64>,
+    /// The bound of the latest frame's pointing error, rad, by the attitude method that made it; `None` when
+    /// the motion is unknown or the method has no bound (held, or predicted beyond the acceleration's horizon).
+    pub pointing_bound_rad: Option<f64>,
     /// End of the latest frame if it goes out on time.
-    end_on_time: FrameEnd,
+    pub end_on_time: FrameEnd,
     /// True once a frame has shown an attitude.
     has_been_lit: bool,
     /// Facts about the latest frame's line of sight.
@@ -89,10 +93,10 @@ impl FrameEngine {
         let camera = &params.camera;
         let mut los = LosPath::commanded(Rotation::IDENTITY, params.first_exposure, camera.exposure_s);
         let attitude = &params.attitude;
-        los.jitter = JitterTrack::with_capacity(attitude.jitter_lines.len(), attitude.jitter_history.capacity);
+        los.jitter = JitterTrack::with_capacity(attitude.jitter_lines.len(), attitude.settings.jitter_history.capacity);
         let cost = params.cost.unwrap_or(imager.cost());
         let planner = new_planner(&params, &imager, los, None);
-        if params.keeps_brighter && params.has_targets() {
+        if params.target_overlap == Overlap::Brighter && params.has_targets() {
             imager.keep_brighter()?;
         }
         let scene = Scene::new(&params.scene(almanac), sky);
@@ -275,17 +279,6 @@ impl FrameEngine {
         self.motion = Some(motion);
     }
 
-    /// Returns the bound of the latest frame's pointing error, rad, by the attitude method that made it; `None` when
-    /// the motion is unknown or the method has no bound (held, or predicted beyond the acceleration's horizon).
-    pub fn pointing_bound_rad(&self) -> Option<f64> {
-        self.pointing_bound_rad
-    }
-
-    /// Returns the end of the latest frame if it goes out on time.
-    pub fn end_on_time(&self) -> FrameEnd {
-        self.end_on_time
-    }
-
     /// Returns the largest error that the lens contributes to the sky map in frame headers, px; `None` where frames
     /// have no map.
     pub fn wcs_error_px(&self) -> Option<f64> {
@@ -317,16 +310,6 @@ impl FrameEngine {
         self.exposing.nominal(number)
     }
 
-    /// Returns times and settings of its exposures.
-    pub fn exposing(&self) -> &Exposing {
-        &self.exposing
-    }
-
-    /// Returns the times and settings of its exposures, for commands.
-    pub fn exposing_mut(&mut self) -> &mut Exposing {
-        &mut self.exposing
-    }
-
     /// Returns the longest time that a slot waits for jitter samples that are under way: zero without a stream of them
     /// or for frames drawn ahead, and at most half of the time that a frame like the one before leaves.
     pub fn jitter_wait(&self, slot: Slot, receiver: &Receiver) -> Span {
@@ -339,7 +322,7 @@ impl FrameEngine {
         let spare_ms = (self.drawing_budget_ms(regions, load) - latest_ms) * load;
         let frame_ms = (latest_ms + self.detector_ms(regions)) * load * f64::from(params.heads);
         let half_ms = 0.5 * spare_ms.min(params.frame_period.ms() - frame_ms).max(0.0);
-        receiver.params().jitter_wait.min(Span::from_s(half_ms * 1e-3))
+        receiver.params().settings.jitter_wait.min(Span::from_s(half_ms * 1e-3))
     }
 
     /// Returns the predicted time of the detector for a frame of these regions, ms; a GPU always reads out the whole
@@ -453,9 +436,9 @@ impl FrameEngine {
         let (params, rows_s, mounting) = (receiver.params(), self.rows_s(), receiver.mounting(self.head));
         self.path = PathFacts::default();
         let los = &mut self.planner.motion_mut().los;
-        if !receiver.session().is_rendering() {
+        if !receiver.session.is_rendering() {
             note(ledger, EventKind::NotRunning, slot, Span::ZERO);
-            (self.pointing_bound_rad, self.end_on_time) = (None, receiver.session().end_while_dark());
+            (self.pointing_bound_rad, self.end_on_time) = (None, receiver.session.end_while_dark());
             show_nothing(los, slot.exposure_start, self.exposing.exposure_s());
             return Ok(Shown::Dark);
         }
@@ -465,13 +448,15 @@ impl FrameEngine {
             mounting.sensor_from_body,
             slot.exposure_start - Span::from_s(0.5 * rows_s),
             self.exposing.exposure_s() + rows_s,
-            &params.estimate,
+            &params.settings.estimate,
             los,
         );
         los.exposure_start = slot.exposure_start;
         los.exposure_s = self.exposing.exposure_s();
         self.pointing_bound_rad = match (&outcome, &self.motion) {
-            (Ok(PathOutcome::Show(report)), Some(motion)) => bound_rad(los.origin, report, motion, &params.estimate),
+            (Ok(PathOutcome::Show(report)), Some(motion)) => {
+                bound_rad(los.origin, report, motion, &params.settings.estimate)
+            }
             _ => None,
         };
         self.end_on_time = match (&outcome, los.origin) {
@@ -570,16 +555,12 @@ fn bus_times(slot: Slot, receiver: &Receiver) -> StageTimes {
 
 /// Returns the bound of the error at mid-exposure, rad, if the method that was used has one.
 fn bound_rad(origin: PathOrigin, report: &PathReport, motion: &MotionScale, limits: &EstimateLimits) -> Option<f64> {
-    let bound_rad = match origin {
-        PathOrigin::Interpolated => AttitudeMethod::Interpolation.bound_rad(motion, report.gap.s()),
-        PathOrigin::Predicted if report.horizon <= limits.max_horizon => {
-            AttitudeMethod::ConstantAcceleration.bound_rad(motion, report.horizon.s())
-        }
-        PathOrigin::Predicted
-        | PathOrigin::Held
-        | PathOrigin::Commanded
-        | PathOrigin::Absent
-        | PathOrigin::TestPattern => return None,
+    let bound_rad = if origin == PathOrigin::Interpolated {
+        AttitudeMethod::Interpolation.bound_rad(motion, report.gap.s())
+    } else if origin == PathOrigin::Predicted && report.horizon <= limits.max_horizon {
+        AttitudeMethod::ConstantAcceleration.bound_rad(motion, report.horizon.s())
+    } else {
+        return None;
     };
     // A bound of half a turn means: outside the method's domain.
     (bound_rad < core::f64::consts::PI).then_some(bound_rad)

@@ -1,5 +1,6 @@
 use super::*;
 use base::units::NS_PER_S;
+use config::AttitudeSettings;
 use firmware_protocol::can::{Decoder, Format, IdMap, encode};
 use firmware_protocol::message::{AttitudeFlags, Scet, Sync, Trigger};
 use firmware_protocol::version::CURRENT;
@@ -12,12 +13,15 @@ const PERIOD_NS: i64 = NS_PER_S / 100;
 /// Returns the parameters of a receiver of these tests.
 pub(super) fn params() -> AttitudeParams {
     AttitudeParams {
-        estimate: EstimateLimits { policy: StalePolicy::Hold, ..EstimateLimits::default() },
-        history: HistoryLimits::default(),
-        jitter_history: HistoryLimits::default(),
-        jitter_max_gap: Span::from_ms(100),
-        jitter_wait: Span::from_ms(20),
-        clock: RemoteClockLimits::default(),
+        settings: AttitudeSettings {
+            estimate: EstimateLimits { policy: StalePolicy::Hold, ..EstimateLimits::default() },
+            history: HistoryLimits::default(),
+            jitter_history: HistoryLimits::default(),
+            jitter_max_gap: Span::from_ms(100),
+            jitter_wait: Span::from_ms(20),
+            policy_on_real_clock: StalePolicy::Drop,
+            clock: RemoteClockLimits::default(),
+        },
         jitter_lines: Vec::new(),
         jitter_epoch: Tai::from_ns(0),
         jitter_record: None,
@@ -203,7 +207,7 @@ fn triggers_follow_a_stepped_clock_and_leave_a_restarted_one() {
             assert!(off.ns().abs() < 1_000_000, "{off:?} from SCET 140 s");
         }
         assert_eq!(cable.ledger.count(EventKind::TriggerForgotten), forgotten);
-        assert_eq!(cable.receiver.session().triggers().waiting(), 0, "no place is held for ever");
+        assert_eq!(cable.receiver.session.triggers().waiting(), 0, "no place is held for ever");
     }
 }
 

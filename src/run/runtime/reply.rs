@@ -62,7 +62,7 @@ impl Reply {
         if head == 0 {
             self.messages(frame, receiver).try_for_each(&mut send)?;
         }
-        let is_reporting = receiver.session().cameras().is_reporting();
+        let is_reporting = receiver.session.cameras.is_reporting;
         camera_pages(head, frame.meta).into_iter().filter(|_| is_reporting).try_for_each(send)
     }
 
@@ -206,7 +206,7 @@ fn low_byte(number: u32) -> u8 {
 }
 
 fn mode(meta: &FrameMeta, receiver: &Receiver) -> StimulatorMode {
-    if !receiver.session().is_rendering() {
+    if !receiver.session.is_rendering() {
         StimulatorMode::Idle
     } else if meta.faults.contains(FaultFlags::BLANK) {
         StimulatorMode::Blank

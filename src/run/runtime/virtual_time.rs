@@ -7,14 +7,15 @@
 //! end.
 
 use crate::runtime::error::{FarEndError, RunError};
+use crate::runtime::head::{Head, give_commands, show_cameras};
 use crate::runtime::ledger::{Event, EventKind};
-use crate::runtime::outcome::{RunOutcome, lines_of_head};
-use crate::runtime::plant_queue::{PlantQueue, PlantRefusal};
+use crate::runtime::outside_tracker::{OutsideTracker, commands_of};
+use crate::runtime::plant_queue::{PlantQueue, PlantRefusal, PlantSample};
+use crate::runtime::record::{RunOutcome, lines_of_head};
 use crate::runtime::reply::{Reply, ReportedFrame};
 use crate::runtime::{
-    camera_heads, engine::FrameEngine, frame_faults::Fate, head::Head, outside_tracker::OutsideTracker,
-    plant_sample::PlantSample, port_reading::PortReading, real_head::end_of, receiver::Receiver, record::RunRecord,
-    shutter::NextSlot, slot::Slot, tracker_orders::commands_of,
+    engine::FrameEngine, frame_faults::Fate, port_reading::PortReading, real_head::end_of, receiver::Receiver,
+    record::RunRecord, shutter::NextSlot, slot::Slot,
 };
 use base::clock::{Clock, Stopwatch, Virtual};
 use base::time::{Span, Tai};
@@ -131,7 +132,7 @@ impl VirtualLoop {
 
     /// Returns whether every slot of every head has been drawn and every frame is out.
     pub fn is_finished(&self, heads: &[Head]) -> bool {
-        let drawn = |head: &Head| head.engine.exposing().next().is_over(self.clock.now());
+        let drawn = |head: &Head| head.engine.exposing.next().is_over(self.clock.now());
         self.far_due.is_some() && self.pending.is_empty() && heads.iter().all(drawn)
     }
 
@@ -213,19 +214,19 @@ impl VirtualLoop {
     fn receive(&mut self, now: Tai, heads: &mut [Head], world: &mut World<'_>) -> Result<(), RunError> {
         let World { port, receiver, .. } = world;
         while let Some(message) = port.receive_any(now)? {
-            camera_heads::show(heads.iter().map(|head| head.engine.exposing()), receiver, &message.value);
+            show_cameras(heads.iter().map(|head| &head.engine.exposing), receiver, &message.value);
             if let Some(answer) = receiver.accept_input(0, &message, &mut self.record.ledger) {
                 port.send(&answer)?;
             }
-            camera_heads::give(heads, |head| head.engine.exposing_mut(), receiver, &mut self.record.ledger);
+            give_commands(heads, |head| &mut head.engine.exposing, receiver, &mut self.record.ledger);
         }
         Ok(())
     }
 
     /// Accepts commands from clients of the cameras, and those that wait in the queues.
     fn take_commands(&mut self, now: Tai, heads: &mut [Head]) {
-        for head in heads.iter_mut().filter(|head| head.engine.exposing().has_desks()) {
-            head.engine.exposing_mut().poll(now, &mut self.record.ledger);
+        for head in heads.iter_mut().filter(|head| head.engine.exposing.has_desks()) {
+            head.engine.exposing.poll(now, &mut self.record.ledger);
         }
     }
 
@@ -242,7 +243,7 @@ impl VirtualLoop {
         let far_end = self.far_due.map(|at| (at, Next::FarEnd));
         let delivery = self.pending.iter().map(|pending| pending.deliver_at).min().map(|at| (at, Next::Deliver));
         let draw = |(i, head): (usize, &Head)| {
-            let slot = head.engine.exposing().next().slot()?;
+            let slot = head.engine.exposing.next().slot()?;
             Some((self.waits_until[i].unwrap_or(slot.release), Next::Draw(i)))
         };
         let draws = heads.iter().enumerate().filter_map(draw);
@@ -253,11 +254,11 @@ impl VirtualLoop {
         let World { port, receiver, .. } = world;
         // Input since the forecast may have moved the slot.
         let now = self.clock.now();
-        let Some(slot) = head.engine.exposing().next().slot().filter(|slot| slot.release <= now) else { return Ok(()) };
+        let Some(slot) = head.engine.exposing.next().slot().filter(|slot| slot.release <= now) else { return Ok(()) };
         if self.must_wait(number, slot, &head.engine, receiver) {
             return Ok(());
         }
-        head.engine.exposing_mut().begin(&mut self.record.ledger);
+        head.engine.exposing.begin(&mut self.record.ledger);
         self.record.frames.scheduled += 1;
         let mut frame = self.take_buffer(&head.engine);
         let mut watch = Stopwatch::start();
@@ -272,13 +273,13 @@ impl VirtualLoop {
         if number == 0 {
             self.watch_link(slot.due, world);
         }
-        let (pointing_bound_rad, rejects) = (head.engine.pointing_bound_rad(), &self.reading.rejects);
+        let (pointing_bound_rad, rejects) = (head.engine.pointing_bound_rad, &self.reading.rejects);
         let reported = ReportedFrame { meta: &frame.meta, pointing_bound_rad, rejects, now: slot.due };
         let World { port, receiver, .. } = world;
         self.reply.report(number, &reported, receiver, |message| port.send(&message).map(|_at| ()))?;
         // The stimulator reports its own data before its frame is damaged.
         head.faults.spoil(&fate, &mut frame);
-        let end = end_of(head.engine.end_on_time(), fate.delay, Span::ZERO);
+        let end = end_of(head.engine.end_on_time, fate.delay, Span::ZERO);
         self.queue((number, slot), frame, fate, (drawn, end));
         Ok(())
     }
@@ -349,7 +350,7 @@ impl VirtualLoop {
                 let wish = tracker.take_frame(&pending.frame, at, beta);
                 for commanded in wish.iter().flat_map(|wish| commands_of(wish, at)) {
                     // A refused command is recorded as an event.
-                    let _noted = head.engine.exposing_mut().take(&commanded, &mut self.record.ledger);
+                    let _noted = head.engine.exposing.take(&commanded, &mut self.record.ledger);
                 }
             }
             self.record.count_outgoing(&pending.frame.meta);
@@ -380,7 +381,7 @@ impl VirtualLoop {
 /// Returns the latest instant at which a head may still draw, as known now.
 pub(crate) fn last_release(engine: &FrameEngine) -> Tai {
     let nominal = engine.slot(engine.params().frames.saturating_sub(1)).release;
-    match engine.exposing().next() {
+    match engine.exposing.next() {
         NextSlot::Slot(slot) => nominal.max(slot.release),
         NextSlot::Waiting(until) => nominal.max(until),
         NextSlot::Over => nominal,

@@ -9,19 +9,19 @@
 //! the sinks the trackers' taps, the capture and the live view; the cable and the far end when the run connects; the
 //! events of the file last. Tests: `tests/closed_loop`, above all `matrix`.
 
-use crate::runtime::{Head, Hygiene, Imager, receiver::Receiver};
-use crate::wiring::cable::CableSetting;
-use crate::wiring::fault_desk::{FaultDesk, in_order_of_placing, lock};
+use crate::runtime::receiver::Receiver;
+use crate::runtime::{Head, Hygiene, Imager};
+use crate::wiring::faults::{FaultDesk, in_order_of_placing, lock};
 use crate::wiring::heads::{CostsHere, HeadSetting, make_heads, make_receiver, size_of, take_sink};
-use crate::wiring::live_tap::{LiveOptions, LiveTap};
 use crate::wiring::memory::{RunForm, RunMemory};
-use crate::wiring::ports::{Cable, is_unreachable, needs_real_clock};
-use crate::wiring::run_clock::{RunClock, RunClockKind};
+use crate::wiring::ports::{Cable, arm, is_unreachable, needs_real_clock};
+use crate::wiring::run_clock::{RunClock, RunClockKind, RunTimes, note_lag, planned_start, start_clock};
 use crate::wiring::sinks::{directory_of_head, make_sinks};
+use crate::wiring::taps::{CaptureOptions, LiveOptions, LiveTap, Taps};
 use crate::wiring::tracker_outs::{TrackerOuts, WaitingOut, tap_heads};
 use crate::wiring::{
-    capture_tap::CaptureOptions, display_parts::hold_cards, error::LoopError, far_side::FarSide, faults::Inventory,
-    run_times::RunTimes, sink_setting::SinkSetting, start, steering::Steering, taps::Taps, trigger_lines::arm,
+    cable::CableSetting, display_parts::hold_cards, error::LoopError, far_side::FarSide, faults::Inventory,
+    sink_setting::SinkSetting, steering::Steering,
 };
 use anyhow::Context;
 use base::time::{Span, Tai};
@@ -125,7 +125,7 @@ impl Run {
             return Err(anyhow::anyhow!(why).into());
         }
         check_memory(&scenario, &outputs, clock, live.is_some())?;
-        let start = start::planned_start(scenario.bench.timing.start, clock);
+        let start = planned_start(scenario.bench.timing.start, clock);
         let cards = match &outputs {
             Outputs::Configured { sinks, .. } => Some(hold_cards(sinks)),
             Outputs::Made(_) => None,
@@ -196,7 +196,7 @@ impl Run {
         }
         if let RunClock::Real(clock) = &self.clock {
             // Later than the start of the sinks, which takes time.
-            self.lag = start::start_clock(clock, self.scenario.bench.timing.start, self.times.start);
+            self.lag = start_clock(clock, self.scenario.bench.timing.start, self.times.start);
         }
         let setting = CableSetting {
             scenario: &self.scenario,
@@ -239,7 +239,7 @@ impl Run {
         heads
             .map(|head| {
                 let (desk, end) = desk();
-                head.engine.exposing_mut().add_desk(end);
+                head.engine.exposing.add_desk(end);
                 desk
             })
             .collect()
@@ -289,7 +289,7 @@ impl Run {
     pub fn notes(&self) -> Vec<String> {
         let cable = self.cable.as_ref().map(Cable::notes).unwrap_or_default();
         let live = self.taps.live.as_ref().map(LiveTap::notes).unwrap_or_default();
-        start::note(self.lag).into_iter().chain(live).chain(cable).chain(self.outs.notes().to_vec()).collect()
+        note_lag(self.lag).into_iter().chain(live).chain(cable).chain(self.outs.notes().to_vec()).collect()
     }
 }
 
@@ -348,10 +348,10 @@ fn sink_of_head(
         frame_period: params.frame_period,
         calibration: head.calibration.as_ref(),
         clock: &clock.shared(),
-        commands: Some((head.engine.exposing(), &desks)),
+        commands: Some((&head.engine.exposing, &desks)),
     };
     let place = || which.map_or_else(|| "the sinks".to_owned(), |head| format!("head {head}"));
     let made = make_sinks(sinks, &setting).with_context(place)?;
-    desks.into_inner().into_iter().for_each(|desk| head.engine.exposing_mut().add_desk(desk));
+    desks.into_inner().into_iter().for_each(|desk| head.engine.exposing.add_desk(desk));
     Ok(made)
 }

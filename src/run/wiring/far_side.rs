@@ -2,11 +2,10 @@
 //!
 //! The owner of the clock steps it; it never reads a clock itself.
 
-use crate::runtime::{error::FarEndError, frame_faults::NEVER, tracker_orders::commands_of};
-use crate::wiring::bench_parts;
+use crate::runtime::{error::FarEndError, frame_faults::NEVER, outside_tracker::commands_of};
+use crate::wiring::faults::{Aboard, Placed};
 use crate::wiring::{
-    error::LoopError, fault_desk::Placed, faults::Aboard, run_times::RunTimes, vehicle_parts::vehicle_params,
-    witness::Witness,
+    bench_parts, error::LoopError, run_clock::RunTimes, vehicle_parts::vehicle_params, witness::Witness,
 };
 use base::axes::{Body, Rotation, Sensor};
 use base::refused::Refused;

@@ -7,10 +7,11 @@
 //! this delays is counted as late. Tests: `tests/closed_loop/control.rs`.
 
 use crate::runtime::ledger::{Event as LedgerEvent, EventKind};
-use crate::runtime::{Head, PlantSample, RunError, RunRecord, real_parts::FrameOrder, receiver::Receiver};
-use crate::wiring::fault_desk::{FaultDesk, lock, make_ready};
+use crate::runtime::{Head, PlantSample, RunError, RunRecord};
+use crate::runtime::{real_head::FrameOrder, receiver::Receiver};
+use crate::wiring::faults::{FaultDesk, lock, make_ready};
 use crate::wiring::{
-    control::NewestFrames, error::LoopError, far_side::FarSide, replay::SampleTap, run_times::RunTimes,
+    control::NewestFrames, error::LoopError, far_side::FarSide, replay::SampleTap, run_clock::RunTimes,
 };
 use base::clock::Clock;
 use base::time::{Span, Tai};

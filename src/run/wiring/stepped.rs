@@ -9,12 +9,12 @@ use crate::runtime::exposing::Exposing;
 use crate::runtime::virtual_time::{VirtualLoop, World, last_release};
 use crate::runtime::{Head, Ledger, PlantSample, PortReading, RunError, RunRecord, TrackerOutput};
 use crate::wiring::assemble::{Outputs, Run, RunOptions};
-use crate::wiring::fault_desk::{lock, make_ready};
+use crate::wiring::faults::{lock, make_ready};
+use crate::wiring::run_clock::{RunClock, RunTimes};
 use crate::wiring::run_end::{Flown, LoopView, RunEnd};
 use crate::wiring::verdict::{CutShort, Facts, Promise, limits, verdict};
 use crate::wiring::{
-    error::LoopError, far_side::FarSide, faults::FaultLine, landing::Landing, outside_trackers::outside_trackers,
-    run_clock::RunClock, run_times::RunTimes,
+    error::LoopError, far_side::FarSide, faults::FaultLine, landing::Landing, tracker_outs::outside_trackers,
 };
 use base::time::Tai;
 use config::{Event, Plant, Scenario};
@@ -146,7 +146,7 @@ impl SteppedRun {
     /// # Errors
     /// When no sample is near: before the first one, or before the kept ones.
     pub fn attitude_at(&self, at: Tai) -> Result<EstimatedAttitude, LoopError> {
-        let estimated = state_at(self.run.receiver.history(), at, &self.run.receiver.params().estimate);
+        let estimated = state_at(self.run.receiver.history(), at, &self.run.receiver.params().settings.estimate);
         estimated.map_err(|error| LoopError::Parts(error.into()))
     }
 
@@ -199,12 +199,12 @@ impl SteppedRun {
         let no_head =
             || LoopError::Event { what: "camera", why: format!("head is {head}; there are {heads}, counted from 0") };
         let head = self.run.heads.get_mut(head).ok_or_else(no_head)?;
-        Ok(act(head.engine.exposing_mut(), &mut self.going.record.ledger))
+        Ok(act(&mut head.engine.exposing, &mut self.going.record.ledger))
     }
 
     /// Returns true when the last frame is out.
     pub fn is_finished(&self) -> bool {
-        let is_drawn = |head: &Head| head.engine.exposing().next().is_over(self.now());
+        let is_drawn = |head: &Head| head.engine.exposing.next().is_over(self.now());
         let is_out = self.now() >= self.last_release() && self.going.on_the_way().0 == 0;
         is_out && self.run.heads.iter().all(is_drawn)
     }
@@ -240,7 +240,7 @@ impl SteppedRun {
     /// Calls `look` with the present results of the run; the caller supplies the frames' CRC-32 of each head.
     pub fn look<T>(&self, frames_crc32: Vec<u32>, look: impl FnOnce(&LoopView<'_>) -> T) -> T {
         let far = self.far.borrow();
-        let assessment = far.witness.assessment();
+        let assessment = &far.witness.assessment;
         let flown = Flown::of(far.vehicle(), assessment, self.run.heads[0].engine.params());
         let facts = Facts {
             record: self.record(),

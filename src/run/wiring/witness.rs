@@ -32,7 +32,8 @@ const SHORTEST_FAULT_S: f64 = 1.0;
 
 /// The witness of one run.
 pub struct Witness {
-    assessment: Assessment,
+    /// The sums so far.
+    pub assessment: Assessment,
     heads: Vec<Rotation<Sensor, Body>>,
     /// Start and end of faults, in order of their start.
     faults: Vec<(Tai, Tai)>,
@@ -54,11 +55,6 @@ impl Witness {
             recovery: Span::from_s(scenario.expect.recovery_s),
             judged_faults: 0,
         }
-    }
-
-    /// Returns the sums so far.
-    pub fn assessment(&self) -> &Assessment {
-        &self.assessment
     }
 
     /// Announces that a fault will act or a slew will be made.

@@ -1,9 +1,9 @@
 //! The second half of a frame: the line of sight is known; sources, plan, image, truth and metadata follow.
 
 use super::{FrameEngine, note};
-use crate::runtime::describe::{describe_exposure, describe_pointing, fill_meta};
-use crate::runtime::ledger::{Event, EventKind, Ledger};
-use crate::runtime::{error::RunError, path_facts::PathFacts, scene_events, slot::Slot};
+use crate::runtime::describe::{PathFacts, describe_exposure, describe_pointing, fill_meta};
+use crate::runtime::ledger::{Event, EventKind, Ledger, note_scene};
+use crate::runtime::{error::RunError, slot::Slot};
 use base::{clock::Stopwatch, time::Span};
 use frames::report::{Stage, StageTimes};
 use frames::sink::{FaultFlags, SentFrame};
@@ -111,7 +111,7 @@ impl FrameEngine {
         if let Light::Sources { is_on_sky: true, .. } = light {
             self.scene.stars.look(los.mid_exposure()).map_err(RunError::Scene)?;
         }
-        scene_events::note(&found, slot, ledger);
+        note_scene(&found, slot, ledger);
         let conditions = self.conditions.of_detector(los.exposure_s, found.background);
         let (camera, sensor_from_icrf) = (&self.params.camera.geometry, los.mid_sensor_from_icrf);
         let sources = match light {

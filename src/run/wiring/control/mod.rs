@@ -10,11 +10,9 @@
 mod admission;
 mod answers;
 mod camera;
-mod error;
 mod lines;
 pub mod local;
 mod newest;
-mod output;
 pub mod protocol;
 mod reaction;
 mod samples;
@@ -25,8 +23,7 @@ mod tests;
 mod token;
 
 pub use admission::ControlRefusals;
-pub use error::ControlError;
-pub use lines::ControlAddress;
+pub use lines::{ControlAddress, ControlError};
 
 use crate::wiring::error::LoopError;
 use admission::{Admitted, admit, foreign_sentence};

@@ -5,7 +5,7 @@
 //! read: `$XDG_RUNTIME_DIR/starloop/control-ADDRESS_PORT.token`, or `starloop-UID` in the folder for temporary files
 //! instead of `$XDG_RUNTIME_DIR/starloop`. The file is removed at the end of the run. Tests: below.
 
-use crate::wiring::control::{error::ControlError, lines::ControlAddress};
+use crate::wiring::control::lines::{ControlAddress, ControlError};
 use core::{fmt, hint::black_box};
 use rand::{TryRng, rngs::SysRng};
 use std::fs::{self, DirBuilder, File, OpenOptions};

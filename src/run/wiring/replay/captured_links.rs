@@ -3,9 +3,9 @@
 use super::ReplayError;
 use crate::{runtime::RunError, wiring::ports::port_over};
 use base::time::{Span, Tai};
-use config::{Bench, Link as LinkSettings, Wire};
+use config::{Bench, Link as LinkSettings};
 use link::capture::{CaptureError, CaptureReader, CapturedPacket, Direction};
-use link::{Input, Link, LinkCounters, LinkError, Packet, Port, Stamped};
+use link::{Input, Link, LinkCounters, LinkError, Packet, Port, Stamped, WireFormat};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::{fs::File, path::Path};
 
@@ -117,7 +117,7 @@ impl CapturedLink {
             reader: source.open()?,
             // On a serial line both directions would form one stream of bytes; on a plain link sent packets have no
             // use.
-            takes_sent: source.takes_sent && !matches!(settings.wire, Wire::Serial | Wire::Plain),
+            takes_sent: source.takes_sent && !matches!(settings.wire, WireFormat::Serial | WireFormat::Plain),
             interface,
             counters: LinkCounters::default(),
             played: Arc::clone(&played),

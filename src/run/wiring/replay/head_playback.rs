@@ -2,14 +2,20 @@
 //!
 //! In: the parts of the run and its capture. Out: images in a sink, each compared with the captured one. Messages are
 //! fed in the order of their stamps, as many of each link as a row states.
+//!
+//! The events of a captured run, placed as in the run, for one head: frames are hit as they were.
+//!
+//! In: the run file's events and the injected ones. Out: the faults of the head's frames, with their numbers in the
+//! list of all faults. Faults of the bus and aboard the vehicle only take their numbers: the capture contains packets
+//! that arrived after those faults acted.
 
 use super::captured_links::{CapturedLinks, Source};
-use super::head_faults::HeadFaults;
 use super::{CapturedFate, CapturedSample, Difference, DrawnFrom, FrameRow, HeadOutcome, ReplayError};
+use crate::runtime::frame_faults::{Fate, FrameFaults};
 use crate::runtime::receiver::{PORTS_MAX, Receiver};
-use crate::runtime::{Exposed, Head, Imager, Ledger, Slot, frame_faults::Fate};
+use crate::runtime::{Exposed, Head, Imager, Ledger, Slot};
+use crate::wiring::faults::{FaultDesk, Inventory, in_order_of_placing, make_ready};
 use crate::wiring::heads::{CostsHere, HeadSetting, make_heads, make_receiver, size_of};
-use crate::wiring::{fault_desk::FaultDesk, faults::Inventory};
 use base::time::{Span, Tai};
 use config::{Event, Scenario};
 use core::ops::Range;
@@ -232,7 +238,7 @@ impl HeadPlayback {
 
     /// Draws the frame of a row with the faults that it went out with; returns its checksum.
     fn draw_as_captured(&mut self, row: &FrameRow, exposed: Option<&Exposed>) -> Result<Option<u32>, ReplayError> {
-        let slot = self.head.engine.exposing_mut().repeat(row.frame, exposed);
+        let slot = self.head.engine.exposing.repeat(row.frame, exposed);
         let Some(fate) = self.expose(slot)? else { return Ok(None) };
         let went_out = matches!(row.fate, CapturedFate::Sent | CapturedFate::Late);
         if went_out && fate.is_dropped {
@@ -280,5 +286,68 @@ impl HeadPlayback {
         let (skipped, damage) = self.links.finish()?;
         self.doubts.extend(damage);
         Ok((self.outcome, skipped, self.doubts))
+    }
+}
+
+/// The faults of one head of several.
+pub(super) struct HeadFaults {
+    desk: FaultDesk,
+    /// Faults of the other heads, which are not prepared; those of the replayed head are its own.
+    of_heads: Vec<FrameFaults>,
+    head: usize,
+    /// Time zero of events.
+    zero: Tai,
+    /// Events that were injected during the run, with their times.
+    injected: VecDeque<(Tai, Event)>,
+}
+
+impl HeadFaults {
+    /// Returns the faults of head number `head` of `heads`, before any event.
+    pub(super) fn new(desk: FaultDesk, zero: Tai, head: usize, heads: usize) -> Self {
+        let of_heads = (0..heads).map(|_| FrameFaults::default()).collect();
+        Self { desk, of_heads, head, zero, injected: VecDeque::new() }
+    }
+
+    /// Adds an event injected this long after the first exposure; call in order of time.
+    pub(super) fn add_injected(&mut self, came: Span, event: Event) {
+        self.injected.push_back((self.zero + came, event));
+    }
+
+    /// Returns true when a frame may show the previous one.
+    pub(super) fn has_any(&self, head: &Head) -> bool {
+        !self.injected.is_empty() || !head.faults.timed().is_empty()
+    }
+
+    /// Places the events of the run file, at the start of the run.
+    pub(super) fn place_all(
+        &mut self,
+        events: &[Event],
+        start: Tai,
+        head: &mut Head,
+        receiver: &mut Receiver,
+    ) -> Result<(), ReplayError> {
+        in_order_of_placing(events).try_for_each(|event| self.place(event, start, head, receiver))
+    }
+
+    /// Places the events that came before `at`, when a frame is drawn.
+    pub(super) fn place_injected_before(
+        &mut self,
+        at: Tai,
+        head: &mut Head,
+        receiver: &mut Receiver,
+    ) -> Result<(), ReplayError> {
+        while let Some((came, event)) = self.injected.front().copied().filter(|(came, _)| *came < at) {
+            self.injected.pop_front();
+            self.place(&event, came, head, receiver)?;
+        }
+        Ok(())
+    }
+
+    fn place(&mut self, event: &Event, now: Tai, head: &mut Head, receiver: &mut Receiver) -> Result<(), ReplayError> {
+        self.desk.check(event).map_err(|error| ReplayError::Parts(error.to_string()))?;
+        let mut frames: Vec<&mut FrameFaults> = self.of_heads.iter_mut().collect();
+        frames[self.head] = &mut head.faults;
+        self.desk.place(event, now, frames);
+        Ok(make_ready(event, core::iter::once(head), receiver)?)
     }
 }

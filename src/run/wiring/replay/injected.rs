@@ -3,9 +3,10 @@
 //! Numbers with a fraction are stored as text, as everywhere in that file. A fault changes which earlier frames are
 //! kept (`torn` and `duplicate` need them), and a trigger starts the faults that wait at that time: a replay therefore
 //! places an injected event when it came, not before.
+//!
+//! Numbers of `session.json`, which are stored as text, and the refusal of a value there.
 
-use super::ReplayError;
-use super::exact_numbers::{exact, number};
+use super::{ReplayError, SESSION_FILE};
 use base::time::Span;
 use config::Event;
 use serde::{Deserialize, Serialize};
@@ -79,19 +80,35 @@ fn as_number(key: &str, value: &Value) -> Result<Value, ReplayError> {
     })
 }
 
+/// Returns the text of a number: the fewest digits that give the same bits again.
+pub(super) fn exact(value: f64) -> String {
+    format!("{value:?}")
+}
+
+/// Returns the finite number that a text is.
+pub(super) fn number(name: &str, text: &str) -> Result<f64, ReplayError> {
+    let value = text.parse().ok().filter(|value: &f64| value.is_finite());
+    value.ok_or_else(|| wrong(name, text, "a finite number"))
+}
+
+/// Returns the refusal of a value.
+pub(super) fn wrong(name: &str, got: &str, wanted: &str) -> ReplayError {
+    ReplayError::Session { path: SESSION_FILE.into(), why: format!("{name} is \"{got}\", wanted {wanted}") }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use config::Action;
-    use frames::sink::FrameFault;
+    use frames::sink::{FrameFault, ImageFault, SendingFault};
     use testbed::vehicle::VehicleFault;
 
     #[test]
     fn event_comes_back_bit_by_bit_with_the_time_at_which_it_came() {
         let came = Span::from_ns(2_500_000_001);
         for action in [
-            Action::Frame { head: Some(1), fault: FrameFault::StrayLight { e_per_s: 0.1 + 0.2 } },
-            Action::Frame { head: None, fault: FrameFault::Late(Span::from_ns(1_234_567)) },
+            Action::Frame { head: Some(1), fault: FrameFault::Image(ImageFault::StrayLight { e_per_s: 0.1 + 0.2 }) },
+            Action::Frame { head: None, fault: FrameFault::Sending(SendingFault::Late(Span::from_ns(1_234_567))) },
             Action::Aboard(VehicleFault::GyroDropout),
         ] {
             let event = Event { at: came, on_trigger: None, lasts: Span::from_ns(1_000_000_007), action };

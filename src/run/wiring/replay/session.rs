@@ -5,8 +5,7 @@
 //! without `end` the run was cut off. Form 1 is that of versions that captured one head of a bench; both forms are
 //! read.
 
-use super::exact_numbers::{exact, number, wrong};
-use super::injected::{Injected, KeptEvent};
+use super::injected::{Injected, KeptEvent, exact, number, wrong};
 use super::{ReplayError, RowCounts, SESSION_FILE};
 use base::{input_file::read_text, time::Tai};
 use config::{Backend, Document, Event, PackedDocuments, Scenario, Setting};

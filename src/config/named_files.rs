@@ -1,10 +1,17 @@
+//! Files that keys name: SPICE kernels and images.
+//!
 //! SPICE kernels that a bench names: binary ones (CK, SPK), and the text kernels (SCLK, LSK) that go with them.
 //!
 //! A build without the feature `spice` refuses them. Tests: `hil_scripts/test_spice.py`.
+//!
+//! Images that a configuration names: FITS files, relative to the file that names them.
 
 use crate::key_type::{Raw, Whole};
 use crate::{check::Checker, error::ConfigError, key::Given};
+use base::input_file::{DATA_BYTES, InputFile};
+use frames::sink::fits::FitsImage;
 use histories::{AttitudeHistory, HistoryError, OrbitHistory, read};
+use std::io::BufReader;
 
 /// A file that may be a kernel, and the keys that go with one.
 pub(super) struct Kernels<'k> {
@@ -91,4 +98,37 @@ impl Kernels<'_> {
         let advice = "install one with `cargo install --locked --path . --features spice`, or convert it to AEM or OEM";
         check.invalid(&self.file.key(), "a SPICE kernel", wanted, advice)
     }
+}
+
+/// Reads the FITS image that `key` names and holds it to the wanted size; row by row from the top, as floats.
+#[allow(clippy::cast_possible_truncation, reason = "maps are used in single precision")]
+pub(super) fn read_image(
+    check: &Checker<'_>,
+    key: &str,
+    path: &str,
+    size_px: [u32; 2],
+) -> Result<Vec<f32>, ConfigError> {
+    let file = check.document.data_beside(path);
+    let refuse = |why: String| ConfigError::Read {
+        file: file.display().to_string(),
+        why,
+        named_by: format!(
+            "; named by {key} in {}: paths are relative to the file that names them",
+            check.document.name()
+        ),
+    };
+    let input = InputFile::open(&file, DATA_BYTES).map_err(|error| refuse(error.to_string()))?;
+    let image = FitsImage::read(BufReader::new(input)).map_err(|error| refuse(error.to_string()))?;
+    let [width, height] = size_px.map(|side| side as usize);
+    if [image.width, image.height] != [width, height] {
+        let got = format!("{path}, an image of {} x {} pixels", image.width, image.height);
+        let wanted = format!("{width} x {height} pixels, as the detector has");
+        return Err(check.invalid(
+            key,
+            got,
+            wanted,
+            "crop or bin the image, or change detector.width_px and height_px",
+        ));
+    }
+    Ok(image.top_row_first().into_iter().map(|value| value as f32).collect())
 }
