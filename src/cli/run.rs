@@ -168,8 +168,8 @@ fn check_capture(arguments: &RunArgs, scenario: &Scenario) -> Result<()> {
 
 /// Returns the file of telemetry, where a spacecraft is flown and files are kept.
 fn telemetry(run: &mut Run, directory: Option<&Path>) -> Result<Option<TelemetryFile>> {
-    let Some(directory) = directory.filter(|_| run.scenario().vehicle().is_some()) else { return Ok(None) };
-    let (file, on_row) = telemetry_file(directory, run.times().zero)?;
+    let Some(directory) = directory.filter(|_| run.scenario.vehicle().is_some()) else { return Ok(None) };
+    let (file, on_row) = telemetry_file(directory, run.times.zero)?;
     run.on_row(on_row);
     Ok(Some(file))
 }
@@ -230,7 +230,7 @@ fn stamp(at: Tai) -> String {
 
 /// Prints what is about to run.
 fn announce(run: &Run, arguments: &RunArgs) {
-    let (scenario, engine) = (run.scenario(), &run.heads()[0].engine);
+    let (scenario, engine) = (&run.scenario, &run.heads[0].engine);
     // On the virtual clock the backend changes how long a run takes, and nothing else.
     if let Some(note) = engine.imager().note().filter(|_| arguments.clock == ClockKind::Real) {
         eprintln!("{note}");

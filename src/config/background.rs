@@ -3,7 +3,7 @@
 //! `[baffle]`: stray light of Sun, Moon and Earth. Without the section there is none.
 
 use crate::key_type::{Numbers, Raw, Shape};
-use crate::{check::Checker, error::ConfigError, key::section};
+use crate::{check::Checker, error::Result, key::section};
 use base::units::DEG;
 use plan::optics::baffle::{Baffle as Shade, EARTH_ALBEDO, PointSourceTransmittance};
 use std::sync::Arc;
@@ -59,7 +59,7 @@ section! {
 }
 
 impl BackgroundKeys {
-    pub(super) fn check(&self, check: &mut Checker<'_>) -> Result<Background, ConfigError> {
+    pub(super) fn check(&self, check: &mut Checker<'_>) -> Result<Background> {
         let uniform_e_per_s = self.uniform_e_per_s().check(check)?;
         let (gradient, quadratic) = (self.gradient().check(check)?, self.quadratic().check(check)?);
         check_shape("background", gradient, quadratic, check)?;
@@ -71,7 +71,7 @@ impl BackgroundKeys {
         Ok(Background { uniform_e_per_s, gradient, quadratic, sky: self.check_sky(check)? })
     }
 
-    fn check_sky(&self, check: &Checker<'_>) -> Result<Sky, ConfigError> {
+    fn check_sky(&self, check: &Checker<'_>) -> Result<Sky> {
         let words = self.sky().raw().map_or(&[][..], Vec::as_slice);
         let even = self.mag_per_arcsec2();
         if even.is_given() {
@@ -99,12 +99,7 @@ impl BackgroundKeys {
 }
 
 /// Checks the shape of a non-uniform light, which must not be negative anywhere on the image.
-pub(super) fn check_shape(
-    section: &str,
-    gradient: [f64; 2],
-    quadratic: f64,
-    check: &Checker<'_>,
-) -> Result<(), ConfigError> {
+pub(super) fn check_shape(section: &str, gradient: [f64; 2], quadratic: f64, check: &Checker<'_>) -> Result<()> {
     let deepest = gradient[0].hypot(gradient[1]) - quadratic.min(0.0);
     if deepest > 1.0 {
         let wanted = "a light that is nowhere below 0: the gradient's length less a negative quadratic at most 1";
@@ -150,7 +145,7 @@ section! {
 const BODIES: [&str; 3] = ["sun", "moon", "earth"];
 
 impl BaffleKeys {
-    pub(super) fn check(&self, check: &mut Checker<'_>) -> Result<Baffle, ConfigError> {
+    pub(super) fn check(&self, check: &mut Checker<'_>) -> Result<Baffle> {
         let transmittance = self.transmittance();
         let rows = transmittance.raw().map_or(&[][..], Vec::as_slice);
         let table =
@@ -168,7 +163,7 @@ impl BaffleKeys {
         Ok(Baffle { shade, gradient, quadratic })
     }
 
-    fn check_shines(&self, check: &Checker<'_>) -> Result<[bool; 3], ConfigError> {
+    fn check_shines(&self, check: &Checker<'_>) -> Result<[bool; 3]> {
         let Some(words) = self.shines().raw() else { return Ok([true; 3]) };
         if let Some(strange) = words.iter().find(|word| !BODIES.contains(&word.as_str())) {
             return Err(self.shines().invalid(format!("\"{strange}\""), "of \"sun\", \"moon\", \"earth\"", check));

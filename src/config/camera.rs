@@ -6,7 +6,7 @@ use crate::background::{Background, BackgroundKeys, Baffle, BaffleKeys};
 use crate::band::{BandKeys, check_band};
 use crate::check::{Checker, Defaulted};
 use crate::detector_effects::{DetectorKeys, tdi_exposure};
-use crate::error::{ConfigError, Partly};
+use crate::error::{ConfigError, Partly, Result};
 use crate::file_kind::{FileKind, must_be};
 use crate::key::{listed, section};
 use crate::mtf::{MtfKeys, belongs_to_chain};
@@ -93,7 +93,7 @@ impl Camera {
     ///
     /// # Errors
     /// The first thing that is wrong with it.
-    pub fn load(path: &Path) -> Result<Self, ConfigError> {
+    pub fn load(path: &Path) -> Result<Self> {
         Self::from_document(&Document::open(path)?)
     }
 
@@ -101,13 +101,13 @@ impl Camera {
     ///
     /// # Errors
     /// The first thing that is wrong with it.
-    pub fn from_document(document: &Document) -> Result<Self, ConfigError> {
+    pub fn from_document(document: &Document) -> Result<Self> {
         must_be(FileKind::Camera, document)?;
         check_all(document, Self::checked)
     }
 
     /// Checks a camera that a bench names: the camera without what is wrong, and what is wrong.
-    pub(super) fn partly(document: &Document) -> Result<Partly<Self>, ConfigError> {
+    pub(super) fn partly(document: &Document) -> Result<Partly<Self>> {
         must_be(FileKind::Camera, document)?;
         let (mut camera, errors) = check_partly(document, Self::checked)?;
         if errors.iter().filter_map(ConfigError::key).any(|key| key.starts_with("exposure.")) {
@@ -117,7 +117,7 @@ impl Camera {
         Ok((camera, errors))
     }
 
-    fn checked(document: &Document) -> Result<Partly<Self>, ConfigError> {
+    fn checked(document: &Document) -> Result<Partly<Self>> {
         let keys: CameraKeys = document.read_as()?;
         let mut check = Checker::new(document);
         let name = check.label(keys.name().raw().cloned())?;
@@ -245,7 +245,7 @@ pub(super) fn check_heads(
     most: usize,
     usual: &Head,
     check: &mut Checker<'_>,
-) -> Result<Vec<Head>, ConfigError> {
+) -> Result<Vec<Head>> {
     if keys.len() > most {
         return Err(check.invalid(name, keys.len(), format!("at most {most}"), "leave some out"));
     }
@@ -253,7 +253,7 @@ pub(super) fn check_heads(
 }
 
 impl HeadKeys {
-    fn head(&self, usual: &Head, check: &mut Checker<'_>) -> Result<Head, ConfigError> {
+    fn head(&self, usual: &Head, check: &mut Checker<'_>) -> Result<Head> {
         let mounting = self.sensor_from_body();
         let wxyz = mounting.raw().ok_or_else(|| mounting.missing("a unit quaternion [w, x, y, z]", check))?;
         let sensor_from_body = quaternion(&mounting.key(), *wxyz, check)?;
@@ -272,11 +272,7 @@ impl HeadKeys {
 }
 
 /// Returns a quaternion of numbers from a file.
-pub(super) fn quaternion(
-    key: &str,
-    wxyz: [f64; 4],
-    check: &Checker<'_>,
-) -> Result<Rotation<Sensor, Body>, ConfigError> {
+pub(super) fn quaternion(key: &str, wxyz: [f64; 4], check: &Checker<'_>) -> Result<Rotation<Sensor, Body>> {
     Rotation::from_wxyz(wxyz, WRITTEN_NORM_TOLERANCE).ok_or_else(|| {
         let wanted = "a unit quaternion [w, x, y, z], norm within 0.001 of 1";
         let advice = "scalar first; [1.0, 0.0, 0.0, 0.0] when sensor and body axes are the same";

@@ -10,7 +10,7 @@ use crate::check::{Checker, Rule};
 use crate::detector_effects::{DetectorKeys, Fits, check_effects};
 use crate::key::{Given, section, taken};
 use crate::key_type::{Raw, Shape};
-use crate::{error::ConfigError, named_files::read_image};
+use crate::{error::Result, named_files::read_image};
 use image::detector::{DarkLaw, DetectorParams, LinePattern, Nonlinearity, Patterns, Rounding, RowNoise};
 use std::sync::Arc;
 
@@ -36,7 +36,7 @@ pub struct Detector {
 }
 
 impl Detector {
-    pub(super) fn check(keys: &DetectorKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+    pub(super) fn check(keys: &DetectorKeys, check: &mut Checker<'_>) -> Result<Self> {
         let (width_px, height_px) = (keys.width_px().check(check)?, keys.height_px().check(check)?);
         let bits = keys.bits().check(check)?;
         let largest_dn = f64::from((1_u32 << bits) - 1);
@@ -88,11 +88,7 @@ pub(super) struct DarkCurrent {
 }
 
 impl DarkCurrent {
-    pub(super) fn check(
-        keys: &DetectorKeys,
-        pixel_pitch_um: f64,
-        check: &mut Checker<'_>,
-    ) -> Result<Self, ConfigError> {
+    pub(super) fn check(keys: &DetectorKeys, pixel_pitch_um: f64, check: &mut Checker<'_>) -> Result<Self> {
         let e_per_s = Self::rate(keys, pixel_pitch_um, check)?;
         let reference_c = keys.dark_temperature_c().check(check)?;
         // A detector at its reference temperature has no default to report.
@@ -115,7 +111,7 @@ impl DarkCurrent {
         Ok(Self { e_per_s, law, nonuniformity })
     }
 
-    fn rate(keys: &DetectorKeys, pixel_pitch_um: f64, check: &mut Checker<'_>) -> Result<f64, ConfigError> {
+    fn rate(keys: &DetectorKeys, pixel_pitch_um: f64, check: &mut Checker<'_>) -> Result<f64> {
         let density = keys.dark_current_na_per_cm2();
         let Some(na_per_cm2) = density.raw().copied() else { return keys.dark_e_per_s().check(check) };
         if let Some(e_per_s) = keys.dark_e_per_s().raw() {
@@ -169,7 +165,7 @@ section! {
 }
 
 impl FixedPatterns {
-    pub(super) fn check(keys: &DetectorKeys, size_px: [u32; 2], check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+    pub(super) fn check(keys: &DetectorKeys, size_px: [u32; 2], check: &mut Checker<'_>) -> Result<Self> {
         let sigmas = keys.pp_sigmas().check(check)?;
         let maps = &keys.maps;
         let prnu = spread([keys.prnu(), keys.prnu_pp()], sigmas, maps.prnu().is_given(), check)?;
@@ -193,7 +189,7 @@ fn spread(
     sigmas: f64,
     is_mapped: bool,
     check: &mut Checker<'_>,
-) -> Result<f64, ConfigError> {
+) -> Result<f64> {
     let given = [rms.is_given(), peak_to_peak.is_given(), is_mapped];
     if given.into_iter().filter(|given| *given).count() > 1 {
         let wanted = "rms, peak-to-peak or a map";
@@ -213,7 +209,7 @@ const MOST_SHARE: f32 = 100.0;
 const MOST_E: f32 = 1e7;
 const MOST_FACTOR: f32 = 1e6;
 
-fn read_maps(keys: &MapKeys, size_px: [u32; 2], check: &Checker<'_>) -> Result<Patterns, ConfigError> {
+fn read_maps(keys: &MapKeys, size_px: [u32; 2], check: &Checker<'_>) -> Result<Patterns> {
     let read = |path: Given<'_, String>, is_fine: fn(f32) -> bool, wanted: &str| {
         let key = path.key();
         let Some(path) = path.raw() else { return Ok(None) };
@@ -291,11 +287,7 @@ pub(super) enum GainRule {
 }
 
 impl Readout {
-    pub(super) fn check(
-        keys: &DetectorKeys,
-        converter: Converter,
-        check: &mut Checker<'_>,
-    ) -> Result<Self, ConfigError> {
+    pub(super) fn check(keys: &DetectorKeys, converter: Converter, check: &mut Checker<'_>) -> Result<Self> {
         let gain_e_per_dn = converter.gain(keys, check)?;
         taken!(check, keys => rounding, amplifier_noise_e_rms);
         let row_noise = row_noise(&keys.row_noise, check)?;
@@ -305,7 +297,7 @@ impl Readout {
 }
 
 impl Converter {
-    fn gain(&self, keys: &DetectorKeys, check: &mut Checker<'_>) -> Result<f64, ConfigError> {
+    fn gain(&self, keys: &DetectorKeys, check: &mut Checker<'_>) -> Result<f64> {
         let given = keys.gain_e_per_dn();
         let rule = match (keys.gain_rule().raw(), given.raw()) {
             (Some(word), Some(gain)) => {
@@ -333,7 +325,7 @@ impl Converter {
     }
 }
 
-fn row_noise(keys: &RowNoiseKeys, check: &mut Checker<'_>) -> Result<RowNoise, ConfigError> {
+fn row_noise(keys: &RowNoiseKeys, check: &mut Checker<'_>) -> Result<RowNoise> {
     let (e_rms, corner) = (keys.e_rms().check(check)?, keys.corner_cycles_per_row().check(check)?);
     if corner > 0.0 && e_rms == 0.0 {
         let advice = "the corner says where 1/f noise equals the white noise: give row_noise.e_rms too";
@@ -342,7 +334,7 @@ fn row_noise(keys: &RowNoiseKeys, check: &mut Checker<'_>) -> Result<RowNoise, C
     Ok(RowNoise { e_rms, corner_cycles_per_row: corner })
 }
 
-fn nonlinearity(keys: &NonlinearityKeys, check: &Checker<'_>) -> Result<Nonlinearity, ConfigError> {
+fn nonlinearity(keys: &NonlinearityKeys, check: &Checker<'_>) -> Result<Nonlinearity> {
     let Some(knots_e) = keys.knots_e().raw() else { return Ok(Nonlinearity::OFF) };
     Nonlinearity::through(knots_e).map_err(|error| {
         let wanted = "up to four [electrons, electrons seen], both rising";

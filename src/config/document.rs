@@ -2,8 +2,9 @@
 //!
 //! The part of a TOML text that an error is about, and the text without it.
 
+use crate::error::{ConfigError, Result};
 use crate::packed::{PackedDocuments, joined};
-use crate::{error::ConfigError, setting::Setting};
+use crate::setting::Setting;
 use base::input_file::{DATA_BYTES, SETTINGS_BYTES, read_bytes, read_text};
 use core::ops::Range;
 use std::path::{Component, Path, PathBuf};
@@ -92,7 +93,7 @@ impl Document {
     ///
     /// # Errors
     /// When it cannot be read.
-    pub fn open(path: &Path) -> Result<Self, ConfigError> {
+    pub fn open(path: &Path) -> Result<Self> {
         let below_configs = path.strip_prefix("configs").unwrap_or(path);
         let is_built_in = BUILT_IN.iter().any(|(known, _)| Path::new(known) == below_configs);
         if is_built_in && !path.exists() {
@@ -118,7 +119,7 @@ impl Document {
         (settings.len() < self.settings.len()).then(|| self.clone().with_settings(settings))
     }
 
-    fn read(path: &Path, named_by: String) -> Result<Self, ConfigError> {
+    fn read(path: &Path, named_by: String) -> Result<Self> {
         let refuse = |error: std::io::Error| ConfigError::Read {
             file: path.display().to_string(),
             why: reason(&error),
@@ -132,7 +133,7 @@ impl Document {
     ///
     /// # Errors
     /// When a value has no form in TOML, such as null.
-    pub(super) fn of_json(keys: &serde_json::Map<String, serde_json::Value>, name: &Path) -> Result<Self, ConfigError> {
+    pub(super) fn of_json(keys: &serde_json::Map<String, serde_json::Value>, name: &Path) -> Result<Self> {
         let text = toml::to_string(keys).map_err(|error| ConfigError::Syntax {
             place: name.display().to_string(),
             why: format!("{error}; leave out what has no value"),
@@ -163,7 +164,7 @@ impl Document {
     ///
     /// # Errors
     /// When the binary has none of that name; the message lists those it has.
-    pub fn built_in(path: &str) -> Result<Self, ConfigError> {
+    pub fn built_in(path: &str) -> Result<Self> {
         Self::find_built_in(Path::new(path), String::new())
     }
 
@@ -172,7 +173,7 @@ impl Document {
         BUILT_IN.iter().map(|(path, _)| *path)
     }
 
-    fn find_built_in(path: &Path, named_by: String) -> Result<Self, ConfigError> {
+    fn find_built_in(path: &Path, named_by: String) -> Result<Self> {
         let found = BUILT_IN.iter().find(|(known, _)| Path::new(known) == path);
         let names = || Self::built_in_paths().collect::<Vec<_>>().join(", ");
         let (known, text) = found.ok_or_else(|| ConfigError::Read {
@@ -184,7 +185,7 @@ impl Document {
     }
 
     /// Returns the document that the value of `key` names, relative to this one.
-    pub(super) fn named(&self, key: &str, path: &str) -> Result<Self, ConfigError> {
+    pub(super) fn named(&self, key: &str, path: &str) -> Result<Self> {
         let named_by = format!("; named by {key} in {}: paths are relative to the file that names them", self.name());
         let directory = |own: &PathBuf| own.parent().map(Path::to_path_buf).unwrap_or_default();
         let document = match &self.origin {
@@ -217,7 +218,7 @@ impl Document {
     }
 
     /// Returns the bytes of the file that the value of `key` names, relative to this one.
-    pub(super) fn bytes_of(&self, key: &str, path: &str) -> Result<Vec<u8>, ConfigError> {
+    pub(super) fn bytes_of(&self, key: &str, path: &str) -> Result<Vec<u8>> {
         let path = self.data_beside(path);
         let named_by = format!("; named by {key} in {}: paths are relative to the file that names them", self.name());
         let why = |error: std::io::Error| ConfigError::Read {
@@ -241,11 +242,11 @@ impl Document {
     ///
     /// # Errors
     /// When it is not there.
-    pub fn packed(set: PackedDocuments) -> Result<Self, ConfigError> {
+    pub fn packed(set: PackedDocuments) -> Result<Self> {
         Self::unpack(&Arc::new(set), "", String::new())
     }
 
-    fn unpack(set: &Arc<PackedDocuments>, keys: &str, named_by: String) -> Result<Self, ConfigError> {
+    fn unpack(set: &Arc<PackedDocuments>, keys: &str, named_by: String) -> Result<Self> {
         let missing =
             || ConfigError::Read { file: format!("packed \"{keys}\""), why: "it was not packed".into(), named_by };
         let text = set.text_of(keys).ok_or_else(missing)?.to_owned();

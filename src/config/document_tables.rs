@@ -4,7 +4,7 @@
 
 use crate::declared::{Declared, Key};
 use crate::document::{Document, Origin};
-use crate::error::{ConfigError, nearest};
+use crate::error::{ConfigError, Result, nearest};
 use crate::{file_kind::FileKind, key_type::Shape, reference::declared};
 use core::ops::Range;
 use serde::de::DeserializeOwned;
@@ -16,7 +16,7 @@ const SYNONYMS: [(&str, &str, &str); 1] =
 
 impl Document {
     /// Reads the text as `S`, whose tables refuse unknown keys.
-    pub(super) fn read_as<S: DeserializeOwned>(&self) -> Result<S, ConfigError> {
+    pub(super) fn read_as<S: DeserializeOwned>(&self) -> Result<S> {
         let as_written = toml::from_str(self.text()).map_err(|error| self.refuse(&error))?;
         if self.settings.is_empty() {
             return Ok(as_written);
@@ -40,12 +40,7 @@ impl Document {
 
     /// Reads the table `name` of this document, where one key decides which others are allowed; `which` is a clause for
     /// messages.
-    pub(super) fn read_table<S: DeserializeOwned>(
-        &self,
-        table: &toml::Table,
-        name: &str,
-        which: &str,
-    ) -> Result<S, ConfigError> {
+    pub(super) fn read_table<S: DeserializeOwned>(&self, table: &toml::Table, name: &str, which: &str) -> Result<S> {
         let whole = match from_table(table) {
             Ok(read) => return Ok(read),
             Err(error) => error,

@@ -2,6 +2,8 @@
 //!
 //! The known name that was meant by an unknown one.
 
+/// A checked value, or what is wrong with the configuration.
+pub(crate) type Result<T, E = ConfigError> = core::result::Result<T, E>;
 /// A value, and what is wrong with the files that it was made from, left out of it.
 pub(super) type Partly<T> = (T, Vec<ConfigError>);
 

@@ -1,7 +1,7 @@
 //! Heads, wheels, pixels and numbers that an event names -> those that the run has.
 
 use crate::event::{Action, Event};
-use crate::{bench::Bench, check::Checker, error::ConfigError};
+use crate::{bench::Bench, check::Checker, error::Result};
 use frames::sink::{CameraFault, DefectSpots, FrameFault, ImageFault, PixelFault};
 use testbed::vehicle::VehicleFault;
 
@@ -13,7 +13,7 @@ pub(super) fn check_event_places(
     bench: &Bench,
     wheels: Option<usize>,
     check: &Checker<'_>,
-) -> Result<(), ConfigError> {
+) -> Result<()> {
     let heads = bench.head_count();
     match event.action {
         Action::Frame { head, fault } => {
@@ -37,20 +37,14 @@ pub(super) fn check_event_places(
     }
 }
 
-fn check_number(
-    key: &str,
-    number: Option<usize>,
-    count: usize,
-    what: &str,
-    check: &Checker<'_>,
-) -> Result<(), ConfigError> {
+fn check_number(key: &str, number: Option<usize>, count: usize, what: &str, check: &Checker<'_>) -> Result<()> {
     let Some(number) = number.filter(|number| *number >= count) else { return Ok(()) };
     let wanted = format!("less than {count}, the number of {what}");
     Err(check.invalid(key, number, wanted, "they are counted from 0"))
 }
 
 /// Refuses pixels, bits and numbers beyond those of a head's detector.
-fn check_fault(fault: FrameFault, key: &str, head: &Bench, check: &Checker<'_>) -> Result<(), ConfigError> {
+fn check_fault(fault: FrameFault, key: &str, head: &Bench, check: &Checker<'_>) -> Result<()> {
     let detector = &head.camera.detector;
     let (size, bits) = ([detector.width_px, detector.height_px], detector.params.bits);
     if let Some((_, spots)) = fault.spots() {
@@ -72,12 +66,7 @@ fn check_fault(fault: FrameFault, key: &str, head: &Bench, check: &Checker<'_>) 
     }
 }
 
-fn check_spots(
-    spots: &DefectSpots,
-    key: &str,
-    [width, height]: [u32; 2],
-    check: &Checker<'_>,
-) -> Result<(), ConfigError> {
+fn check_spots(spots: &DefectSpots, key: &str, [width, height]: [u32; 2], check: &Checker<'_>) -> Result<()> {
     let advice = "columns and rows are counted from 0";
     let refuse = |name: &str, got: String, count: u32, what: &str| {
         Err(check.invalid(&format!("{key}.{name}"), got, format!("less than {count}, the number of {what}"), advice))

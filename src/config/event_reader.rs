@@ -7,7 +7,7 @@
 use crate::event_word::{EventKeys, Row, Timing};
 use crate::key::{Given, Section, taken};
 use crate::key_type::{KeyType, Raw, Shape, Whole};
-use crate::{check::Checker, error::ConfigError, event::Event};
+use crate::{check::Checker, error::Result, event::Event};
 use base::{time::Span, units::DEG};
 use core::fmt;
 use firmware_protocol::can::CanId;
@@ -24,31 +24,31 @@ pub(super) struct Reader<'a, 'd> {
 
 /// A value of an action that one key makes.
 pub(super) trait Taken<T: KeyType>: Sized {
-    fn taken(given: Given<'_, T>, check: &mut Checker<'_>) -> Result<Self, ConfigError>;
+    fn taken(given: Given<'_, T>, check: &mut Checker<'_>) -> Result<Self>;
 }
 
 impl Taken<f64> for f64 {
-    fn taken(given: Given<'_, f64>, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+    fn taken(given: Given<'_, f64>, check: &mut Checker<'_>) -> Result<Self> {
         given.check(check)
     }
 }
 
 impl<N: TryFrom<i64>> Taken<Whole<N>> for N {
-    fn taken(given: Given<'_, Whole<N>>, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+    fn taken(given: Given<'_, Whole<N>>, check: &mut Checker<'_>) -> Result<Self> {
         given.check(check)
     }
 }
 
 /// Which head; `None`: all.
 impl Taken<Whole<usize>> for Option<usize> {
-    fn taken(given: Given<'_, Whole<usize>>, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+    fn taken(given: Given<'_, Whole<usize>>, check: &mut Checker<'_>) -> Result<Self> {
         given.optional(check)
     }
 }
 
 /// Milliseconds.
 impl Taken<f64> for Span {
-    fn taken(given: Given<'_, f64>, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+    fn taken(given: Given<'_, f64>, check: &mut Checker<'_>) -> Result<Self> {
         given.ms(check)
     }
 }
@@ -88,7 +88,7 @@ impl fmt::Display for Identifier {
 }
 
 impl Taken<Raw<Identifier>> for CanId {
-    fn taken(given: Given<'_, Raw<Identifier>>, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+    fn taken(given: Given<'_, Raw<Identifier>>, check: &mut Checker<'_>) -> Result<Self> {
         let wanted = "a whole number from 0 to 2047, or 8 hexadecimal digits in quotes up to \"1FFFFFFF\"";
         let Some(raw) = given.raw() else { return Err(given.missing(wanted, check)) };
         raw.id().ok_or_else(|| given.invalid(raw, wanted, check))
@@ -97,14 +97,14 @@ impl Taken<Raw<Identifier>> for CanId {
 
 /// A rate in degrees per hour.
 impl Taken<[f64; 3]> for DVec3 {
-    fn taken(given: Given<'_, [f64; 3]>, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+    fn taken(given: Given<'_, [f64; 3]>, check: &mut Checker<'_>) -> Result<Self> {
         Ok(Self::from_array(given.check(check)?) * (DEG / 3600.0))
     }
 }
 
 impl Reader<'_, '_> {
     /// Returns a pixel that is given and a number of random ones; one at random when neither is said.
-    pub(super) fn pixels(&self, most: i64) -> Result<FaultPixels, ConfigError> {
+    pub(super) fn pixels(&self, most: i64) -> Result<FaultPixels> {
         let px = self.keys.px();
         let along = |given: i64| {
             let fits = u32::try_from(given).ok().filter(|given| *given <= 65_535);
@@ -116,7 +116,7 @@ impl Reader<'_, '_> {
     }
 
     /// Returns places of defects; one pixel at random when none is said.
-    pub(super) fn spots(&self) -> Result<DefectSpots, ConfigError> {
+    pub(super) fn spots(&self) -> Result<DefectSpots> {
         let column = self.keys.column().optional(self.check)?;
         let row = self.keys.row().optional(self.check)?;
         let pixels = self.pixels(256)?;
@@ -126,7 +126,7 @@ impl Reader<'_, '_> {
     }
 
     /// Returns where protons come from; from all sides when neither angle is given.
-    pub(super) fn beam_deg(&mut self) -> Result<Option<[f64; 2]>, ConfigError> {
+    pub(super) fn beam_deg(&mut self) -> Result<Option<[f64; 2]>> {
         let keys = self.keys;
         let is_beam = keys.incidence_deg().is_given() || keys.azimuth_deg().is_given();
         taken!(self.check, keys => incidence_deg, azimuth_deg);
@@ -134,7 +134,7 @@ impl Reader<'_, '_> {
     }
 
     /// Returns which wheel.
-    pub(super) fn wheel(&self) -> Result<usize, ConfigError> {
+    pub(super) fn wheel(&self) -> Result<usize> {
         let wheel = || self.keys.wheel();
         wheel()
             .optional(self.check)?
@@ -142,7 +142,7 @@ impl Reader<'_, '_> {
     }
 
     /// Returns when it happens: `at_s`, `at_frame`, or after a trigger; frames are `frame_period` apart.
-    pub(super) fn begin(&mut self, row: &Row, frame_period: Span) -> Result<(Span, Option<u16>), ConfigError> {
+    pub(super) fn begin(&mut self, row: &Row, frame_period: Span) -> Result<(Span, Option<u16>)> {
         let keys = self.keys;
         if let Some(trigger) = keys.on_trigger().optional(self.check)? {
             keys.refuse(&["at_frame"], "events without on_trigger", self.check)?;
@@ -163,7 +163,7 @@ impl Reader<'_, '_> {
     }
 
     /// Returns how long it lasts: `for_s`, or `for_frames`.
-    pub(super) fn lasts(&mut self, frame_period: Span) -> Result<Span, ConfigError> {
+    pub(super) fn lasts(&mut self, frame_period: Span) -> Result<Span> {
         let keys = self.keys;
         if !keys.for_frames().is_given() {
             return Ok(Span::from_s(keys.for_s().check(self.check)?));

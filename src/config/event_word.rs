@@ -16,7 +16,7 @@
 use crate::event::{Action, Pointing};
 use crate::event_reader::{Identifier, Reader};
 use crate::key_type::{Raw, Shape, Whole, Word};
-use crate::{check::Rule::PositiveUpTo, error::ConfigError, key::section};
+use crate::{check::Rule::PositiveUpTo, error::Result, key::section};
 use frames::sink::{CameraFault, FaultFlags, FrameFault, ImageFault, PixelFault, ProtonStorm, SendingFault};
 use image::detector::protons::stopping_power::DOMAIN_MEV;
 use link::tap::LinkFault;
@@ -40,7 +40,7 @@ pub(super) struct Row {
     /// Keys by the value that they make.
     pub(super) needed: &'static [&'static [&'static str]],
     pub(super) optional: &'static [&'static [&'static str]],
-    pub(super) read: fn(&mut Reader<'_, '_>) -> Result<Action, ConfigError>,
+    pub(super) read: fn(&mut Reader<'_, '_>) -> Result<Action>,
 }
 
 impl Row {

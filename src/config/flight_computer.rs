@@ -2,7 +2,7 @@
 
 use crate::key::{Section, listed, section, taken};
 use crate::motion::{Motion, MotionKeys};
-use crate::{check::Checker, error::ConfigError, key_type::Word};
+use crate::{check::Checker, error::Result, key_type::Word};
 use base::units::{ARCSEC, DEG};
 use core::f64::consts::PI;
 use glam::DVec3;
@@ -126,11 +126,7 @@ pub(super) struct IsExternal(bool);
 
 impl FlightComputer {
     /// Checks the flight computer; without `kind` it is the external one where the plant `is_outside`.
-    pub(super) fn check(
-        keys: &FlightComputerKeys,
-        is_outside: bool,
-        check: &mut Checker<'_>,
-    ) -> Result<Self, ConfigError> {
+    pub(super) fn check(keys: &FlightComputerKeys, is_outside: bool, check: &mut Checker<'_>) -> Result<Self> {
         let kind = keys.kind();
         let IsExternal(is_external) =
             if is_outside && !kind.is_given() { IsExternal(true) } else { kind.check(check)? };
@@ -184,7 +180,7 @@ impl FlightComputer {
     }
 
     /// Refuses a slew or a path that would never begin.
-    pub(super) fn check_slew_begins_before(&self, duration_s: f64, check: &Checker<'_>) -> Result<(), ConfigError> {
+    pub(super) fn check_slew_begins_before(&self, duration_s: f64, check: &Checker<'_>) -> Result<()> {
         let slew = self.slew.as_ref().map(|slew| ("flight_computer.slew.start_s", slew.start_s));
         let path = self.motion.as_ref().and_then(Motion::first_s).map(|first_s| (FIRST_WAYPOINT, first_s));
         let Some((key, begin_s)) = slew.or(path).filter(|(_, begin_s)| *begin_s >= duration_s) else { return Ok(()) };
@@ -193,7 +189,7 @@ impl FlightComputer {
     }
 
     /// Samples must be able to carry the lines.
-    fn check_sampling(&self, check: &Checker<'_>) -> Result<(), ConfigError> {
+    fn check_sampling(&self, check: &Checker<'_>) -> Result<()> {
         for (key, hz) in [("attitude_hz", self.attitude_hz), ("jitter_sample_hz", self.jitter_sample_hz)] {
             if hz.fract() != 0.0 {
                 let key = format!("flight_computer.{key}");
@@ -211,7 +207,7 @@ impl FlightComputer {
 }
 
 impl Slew {
-    fn check(keys: &SlewKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+    fn check(keys: &SlewKeys, check: &mut Checker<'_>) -> Result<Self> {
         let wanted = "three finite numbers that are not all 0";
         let given = keys.axis().raw().copied().ok_or_else(|| keys.axis().missing(wanted, check))?;
         let norm = given.iter().map(|component| component * component).sum::<f64>().sqrt();
@@ -233,7 +229,7 @@ impl Slew {
     }
 }
 
-fn jitter_line(keys: &JitterLineKeys, check: &mut Checker<'_>) -> Result<JitterLineParams, ConfigError> {
+fn jitter_line(keys: &JitterLineKeys, check: &mut Checker<'_>) -> Result<JitterLineParams> {
     taken!(check, keys => frequency_hz, amplitude_arcsec, phase_deg);
     Ok(JitterLineParams { frequency_hz, amplitude_arcsec, phase_rad: phase_deg * DEG })
 }

@@ -2,13 +2,10 @@
 
 use crate::declared::{Declared, Key, Preset};
 use crate::document_tables::{as_clause, wanted_by};
-use crate::error::{ConfigError, nearest};
+use crate::error::{ConfigError, Result, nearest};
 use crate::file_kind::{FileKind, must_be};
-use crate::test_plan_keys::{PlanKeys, RequirementKeys};
-use crate::{
-    check::Checker, document::Document, key_type::Shape, reference::declared, several::check_all,
-    test_plan_keys::DataSetKeys,
-};
+use crate::test_plan_keys::{DataSetKeys, PlanKeys, RequirementKeys};
+use crate::{check::Checker, document::Document, key_type::Shape, reference::declared, several::check_all};
 use toml::{Table, Value};
 
 /// Refuses a test plan, requirements or a data set with keys that are unknown, missing, of another type or out of range;
@@ -16,7 +13,7 @@ use toml::{Table, Value};
 ///
 /// # Errors
 /// With every such key.
-pub fn check_keys(kind: FileKind, document: &Document) -> Result<(), ConfigError> {
+pub fn check_keys(kind: FileKind, document: &Document) -> Result<()> {
     // A plan without cases looks like a bench: what it lacks says more.
     if FileKind::of(document) != FileKind::Bench {
         must_be(kind, document)?;

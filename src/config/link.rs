@@ -11,7 +11,7 @@ use crate::file_kind::{FileKind, must_be};
 use crate::key::{Given, Inner, Section, section, taken};
 use crate::key_type::{Raw, Shape, Whole, Word};
 use crate::plain_link::{Form, Plain, SENSES, TIMES};
-use crate::{error::ConfigError, flight_computer::FlightComputer, plain_link, several::check_partly};
+use crate::{error::Result, flight_computer::FlightComputer, plain_link, several::check_partly};
 use base::time::Span;
 use core::{fmt, net::SocketAddr};
 use firmware_protocol::can::{CanId, IdMap};
@@ -89,17 +89,17 @@ impl Link {
         matches!(self.carrier, Carrier::Simulated(_)) && matches!(self.wire, WireFormat::CanFd | WireFormat::CanClassic)
     }
 
-    pub(super) fn check(keys: &LinkKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+    pub(super) fn check(keys: &LinkKeys, check: &mut Checker<'_>) -> Result<Self> {
         Self::check_named(keys, "link", check)
     }
 
     /// Links beside the first one.
-    pub(super) fn check_extra(keys: &[LinkKeys], check: &mut Checker<'_>) -> Result<Vec<Self>, ConfigError> {
+    pub(super) fn check_extra(keys: &[LinkKeys], check: &mut Checker<'_>) -> Result<Vec<Self>> {
         let link = |(i, keys): (usize, &LinkKeys)| Self::check_named(keys, &format!("extra_link[{i}]"), check);
         keys.iter().enumerate().map(link).collect()
     }
 
-    fn check_named(keys: &LinkKeys, name: &str, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+    fn check_named(keys: &LinkKeys, name: &str, check: &mut Checker<'_>) -> Result<Self> {
         match keys {
             LinkKeys::Table(table) => Self::check_table(&table.at(name), check),
             LinkKeys::File(path) => {
@@ -118,7 +118,7 @@ impl Link {
         }
     }
 
-    fn check_table(keys: &LinkTable, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+    fn check_table(keys: &LinkTable, check: &mut Checker<'_>) -> Result<Self> {
         let kind = keys.kind().check(check)?;
         let wires = match kind {
             Kind::Simulated => &WIRES[..],
@@ -162,7 +162,7 @@ impl Link {
     }
 }
 
-fn carrier(keys: &LinkTable, kind: Kind, bit_rate: f64, check: &mut Checker<'_>) -> Result<Carrier, ConfigError> {
+fn carrier(keys: &LinkTable, kind: Kind, bit_rate: f64, check: &mut Checker<'_>) -> Result<Carrier> {
     for (owner, names, of) in [
         ("kind = \"socketcan\"", &["interface"][..], Kind::SocketCan),
         ("kind = \"serial\"", &["port", "far_port", "parity", "stop_bits", "flow_control"], Kind::Serial),
@@ -197,7 +197,7 @@ fn carrier(keys: &LinkTable, kind: Kind, bit_rate: f64, check: &mut Checker<'_>)
 }
 
 /// Returns a text that must be given.
-fn named(given: &Given<'_, String>, wanted: &str, check: &Checker<'_>) -> Result<String, ConfigError> {
+fn named(given: &Given<'_, String>, wanted: &str, check: &Checker<'_>) -> Result<String> {
     match given.raw().map(|text| text.trim()) {
         None => Err(given.missing(wanted, check)),
         Some("") => Err(given.invalid("empty", wanted, check)),
@@ -206,19 +206,19 @@ fn named(given: &Given<'_, String>, wanted: &str, check: &Checker<'_>) -> Result
 }
 
 /// Returns an address that must be given.
-pub(super) fn named_address(given: &Given<'_, Raw<Address>>, check: &Checker<'_>) -> Result<SocketAddr, ConfigError> {
+pub(super) fn named_address(given: &Given<'_, Raw<Address>>, check: &Checker<'_>) -> Result<SocketAddr> {
     address(given, check)?.ok_or_else(|| given.missing("a port (on loopback) or \"address:port\"", check))
 }
 
 /// Reads `PORT`, on loopback, or `ADDRESS:PORT`.
-pub(super) fn address(given: &Given<'_, Raw<Address>>, check: &Checker<'_>) -> Result<Option<SocketAddr>, ConfigError> {
+pub(super) fn address(given: &Given<'_, Raw<Address>>, check: &Checker<'_>) -> Result<Option<SocketAddr>> {
     let Some(text) = given.raw().map(ToString::to_string) else { return Ok(None) };
     let wanted = "a port (on loopback) or \"address:port\"";
     let address = text.parse::<TcpAddress>();
     address.map(|address| Some(address.socket())).map_err(|_| given.invalid(format!("\"{text}\""), wanted, check))
 }
 
-fn identifiers(keys: &LinkTable, wire: WireFormat, check: &mut Checker<'_>) -> Result<IdMap, ConfigError> {
+fn identifiers(keys: &LinkTable, wire: WireFormat, check: &mut Checker<'_>) -> Result<IdMap> {
     if matches!(wire, WireFormat::Serial | WireFormat::Plain) {
         keys.refuse(&["node", "id_bits", "id_base"], "a CAN wire", check)?;
         return Ok(IdMap::default());
@@ -433,18 +433,13 @@ impl Default for SessionParams {
 }
 
 impl SessionParams {
-    pub(super) fn check(keys: &SessionKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+    pub(super) fn check(keys: &SessionKeys, check: &mut Checker<'_>) -> Result<Self> {
         taken!(check, keys => start, heartbeat_timeout_s);
         Ok(Self { start, heartbeat_timeout: Span::from_s(heartbeat_timeout_s) })
     }
 
     /// Refuses to wait for RUN in lockstep: all frames would stay dark.
-    pub(super) fn check_has_run(
-        &self,
-        link: &Link,
-        computer: &FlightComputer,
-        check: &Checker<'_>,
-    ) -> Result<(), ConfigError> {
+    pub(super) fn check_has_run(&self, link: &Link, computer: &FlightComputer, check: &Checker<'_>) -> Result<()> {
         if self.start == SessionStart::OnRun && computer.is_external && link.has_no_gateway() {
             let advice = "no bus leads out of the program, so no flight computer can send RUN: frames show stars with the first attitude";
             return Err(check.invalid("session.start", "\"on_run\"", "\"at_once\" with a plant in lockstep", advice));

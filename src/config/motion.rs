@@ -6,7 +6,7 @@
 
 use crate::key::{Section, listed, section, taken};
 use crate::key_type::{Numbers, Word};
-use crate::{check::Checker, error::ConfigError, event::Pointing};
+use crate::{check::Checker, error::Result, event::Pointing};
 use base::axes::{Body, Icrf, Rotation, Sensor, sensor_from_ra_dec_roll};
 use base::units::DEG;
 use core::f64::consts::TAU;
@@ -93,7 +93,7 @@ pub(super) enum Kind {
 
 impl Motion {
     /// Checks a motion whose attitudes are sent `attitude_hz` times a second.
-    pub(super) fn check(keys: &MotionKeys, attitude_hz: f64, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+    pub(super) fn check(keys: &MotionKeys, attitude_hz: f64, check: &mut Checker<'_>) -> Result<Self> {
         let kind = keys.kind().check(check)?;
         let table = "flight_computer.motion";
         let unused = |name: &str, is_given: bool, owner: &str, check: &Checker<'_>| {
@@ -115,7 +115,7 @@ impl Motion {
         Ok(motion)
     }
 
-    fn steady(keys: &MotionKeys, kind: Kind, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+    fn steady(keys: &MotionKeys, kind: Kind, check: &mut Checker<'_>) -> Result<Self> {
         if kind == Kind::ConstantRate && !keys.rate_deg_s().is_given() {
             return Err(keys.rate_deg_s().missing("three rates", check));
         }
@@ -128,7 +128,7 @@ impl Motion {
         Ok(Self::Steady { rate_deg_s, swings })
     }
 
-    fn waypoints(keys: &MotionKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+    fn waypoints(keys: &MotionKeys, check: &mut Checker<'_>) -> Result<Self> {
         check_count("waypoint", keys.waypoint.len(), 2, check)?;
         let at_waypoints = keys.at_waypoints().check(check)?;
         let listed = listed(&keys.waypoint, "flight_computer.motion.waypoint");
@@ -199,7 +199,7 @@ impl Motion {
     }
 
     /// Refuses what attitude messages cannot carry.
-    fn check_sampling(&self, attitude_hz: f64, check: &Checker<'_>) -> Result<(), ConfigError> {
+    fn check_sampling(&self, attitude_hz: f64, check: &Checker<'_>) -> Result<()> {
         let scale = self.scale();
         let tilt_rad_s: f64 = scale.sinusoids.iter().map(|s| s.amplitude_rad * TAU * s.frequency_hz).sum();
         let shake_rad_s2: f64 = scale.sinusoids.iter().map(|s| s.amplitude_rad * (TAU * s.frequency_hz).powi(2)).sum();
@@ -234,7 +234,7 @@ impl Motion {
     }
 }
 
-fn check_count(name: &str, count: usize, least: usize, check: &Checker<'_>) -> Result<(), ConfigError> {
+fn check_count(name: &str, count: usize, least: usize, check: &Checker<'_>) -> Result<()> {
     if (least..=MOST_ROWS).contains(&count) {
         return Ok(());
     }
@@ -243,7 +243,7 @@ fn check_count(name: &str, count: usize, least: usize, check: &Checker<'_>) -> R
     Err(check.invalid(&format!("flight_computer.motion.{name}"), count, wanted, &advice))
 }
 
-fn swing(keys: &SinusoidKeys, check: &mut Checker<'_>) -> Result<Swing, ConfigError> {
+fn swing(keys: &SinusoidKeys, check: &mut Checker<'_>) -> Result<Swing> {
     taken!(check, keys => axis, amplitude_deg, frequency_hz, phase_deg);
     let norm = DVec3::from_array(axis).length();
     if !(norm.is_finite() && norm > 1e-6) {
@@ -257,7 +257,7 @@ fn swing(keys: &SinusoidKeys, check: &mut Checker<'_>) -> Result<Swing, ConfigEr
     })
 }
 
-fn waypoint(keys: &WaypointKeys, check: &mut Checker<'_>) -> Result<(f64, Pointing), ConfigError> {
+fn waypoint(keys: &WaypointKeys, check: &mut Checker<'_>) -> Result<(f64, Pointing)> {
     let t_s = keys.t_s().check(check)?;
     Ok((t_s, Pointing::check([keys.ra_deg(), keys.dec_deg(), keys.roll_deg()], check)?))
 }

@@ -6,8 +6,9 @@
 //!
 //! Images that a configuration names: FITS files, relative to the file that names them.
 
+use crate::error::{ConfigError, Result};
 use crate::key_type::{Raw, Whole};
-use crate::{check::Checker, error::ConfigError, key::Given};
+use crate::{check::Checker, key::Given};
 use base::input_file::{DATA_BYTES, InputFile};
 use frames::sink::fits::FitsImage;
 use histories::{AttitudeHistory, HistoryError, OrbitHistory, read};
@@ -22,7 +23,7 @@ pub(super) struct Kernels<'k> {
 
 impl Kernels<'_> {
     /// Returns true for a kernel; refuses the keys of one beside another file.
-    fn is_kernel(&self, check: &Checker<'_>) -> Result<bool, ConfigError> {
+    fn is_kernel(&self, check: &Checker<'_>) -> Result<bool> {
         let Some(path) = self.file.raw().map(|path| check.document.data_beside(path)) else { return Ok(false) };
         let is_kernel = read::is_kernel(&path);
         if !is_kernel && (self.texts.is_given() || self.naif_id.is_given()) {
@@ -35,12 +36,12 @@ impl Kernels<'_> {
     }
 
     /// Reads attitudes of a CK file; returns `None` where the file is not a kernel.
-    pub(super) fn attitudes(self, check: &Checker<'_>) -> Result<Option<AttitudeHistory>, ConfigError> {
+    pub(super) fn attitudes(self, check: &Checker<'_>) -> Result<Option<AttitudeHistory>> {
         if self.is_kernel(check)? { self.read_attitudes(check).map(Some) } else { Ok(None) }
     }
 
     /// Reads the orbit of an SPK file; returns `None` where the file is not a kernel.
-    pub(super) fn orbit(self, check: &Checker<'_>) -> Result<Option<OrbitHistory>, ConfigError> {
+    pub(super) fn orbit(self, check: &Checker<'_>) -> Result<Option<OrbitHistory>> {
         if self.is_kernel(check)? { self.read_orbit(check).map(Some) } else { Ok(None) }
     }
 }
@@ -53,15 +54,15 @@ pub(super) fn refused(given: &Given<'_, String>, error: &HistoryError, check: &C
 
 #[cfg(feature = "spice")]
 impl Kernels<'_> {
-    fn read_attitudes(self, check: &Checker<'_>) -> Result<AttitudeHistory, ConfigError> {
+    fn read_attitudes(self, check: &Checker<'_>) -> Result<AttitudeHistory> {
         self.read(check, histories::spice::attitudes)
     }
 
-    fn read_orbit(self, check: &Checker<'_>) -> Result<OrbitHistory, ConfigError> {
+    fn read_orbit(self, check: &Checker<'_>) -> Result<OrbitHistory> {
         self.read(check, histories::spice::orbit)
     }
 
-    fn read<H>(self, check: &Checker<'_>, reader: Reader<H>) -> Result<H, ConfigError> {
+    fn read<H>(self, check: &Checker<'_>, reader: Reader<H>) -> Result<H> {
         use histories::spice::KernelFile;
         let path = self.file.raw().cloned().unwrap_or_default();
         let bytes = check.document.bytes_of(&self.file.key(), &path)?;
@@ -85,11 +86,11 @@ type Reader<H> =
 
 #[cfg(not(feature = "spice"))]
 impl Kernels<'_> {
-    fn read_attitudes(self, check: &Checker<'_>) -> Result<AttitudeHistory, ConfigError> {
+    fn read_attitudes(self, check: &Checker<'_>) -> Result<AttitudeHistory> {
         Err(self.refused(check))
     }
 
-    fn read_orbit(self, check: &Checker<'_>) -> Result<OrbitHistory, ConfigError> {
+    fn read_orbit(self, check: &Checker<'_>) -> Result<OrbitHistory> {
         Err(self.refused(check))
     }
 
@@ -102,12 +103,7 @@ impl Kernels<'_> {
 
 /// Reads the FITS image that `key` names and holds it to the wanted size; row by row from the top, as floats.
 #[allow(clippy::cast_possible_truncation, reason = "maps are used in single precision")]
-pub(super) fn read_image(
-    check: &Checker<'_>,
-    key: &str,
-    path: &str,
-    size_px: [u32; 2],
-) -> Result<Vec<f32>, ConfigError> {
+pub(super) fn read_image(check: &Checker<'_>, key: &str, path: &str, size_px: [u32; 2]) -> Result<Vec<f32>> {
     let file = check.document.data_beside(path);
     let refuse = |why: String| ConfigError::Read {
         file: file.display().to_string(),

@@ -11,7 +11,7 @@ struct OnlyObserver {
 }
 
 /// Reads the observer of a file with only this section, whether light is bent, and the keys left at defaults.
-fn observer(lines: &str) -> Result<(Observer, bool, Vec<String>), ConfigError> {
+fn observer(lines: &str) -> Result<(Observer, bool, Vec<String>)> {
     let document = Document::from_text(&format!("[observer]\n{lines}\n"), Path::new("lab/bench.toml"));
     let keys: OnlyObserver = document.read_as()?;
     let mut check = Checker::new(&document);
@@ -98,7 +98,7 @@ fn each_rule_has_a_failing_example() {
 }
 
 /// Returns an observer by a file with this text, beside the document.
-fn of_file(text: &str, lines: &str) -> Result<Observer, ConfigError> {
+fn of_file(text: &str, lines: &str) -> Result<Observer> {
     let folder = tempfile::tempdir().expect("a folder");
     std::fs::write(folder.path().join("orbit.txt"), text).expect("a file");
     let lines = format!("[observer]\nkind = \"file\"\nfile = \"orbit.txt\"\n{lines}\n");

@@ -7,7 +7,7 @@
 use crate::check::{Checker, Rule};
 use crate::key::{Given, Section, section, taken};
 use crate::key_type::{Any, Numbers, Raw, Shape, Word};
-use crate::{detector::Detector, error::ConfigError};
+use crate::{detector::Detector, error::Result};
 use plan::optics::{Illumination, illumination::Vignetting};
 use sky::astrometry::{
     AstrometryError, BrownConrady, CameraGeometry, CameraParameters, DISTORTION_DEGREE, PolynomialDistortion,
@@ -101,7 +101,7 @@ impl Optics {
         self.focal_length_mm / self.aperture_mm
     }
 
-    pub(super) fn check(keys: &OpticsKeys, detector: &Detector, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+    pub(super) fn check(keys: &OpticsKeys, detector: &Detector, check: &mut Checker<'_>) -> Result<Self> {
         let focal_length_mm = keys.focal_length_mm().check(check)?;
         let aperture_mm = keys.aperture_mm().or(focal_length_mm / DEFAULT_F_NUMBER).check(check)?;
         taken!(check, keys => obscuration, transmission);
@@ -117,11 +117,7 @@ impl Optics {
 }
 
 /// Returns the principal point, not further outside the detector than its own size.
-fn principal_point(
-    given: &Given<'_, [f64; 2]>,
-    centre: [f64; 2],
-    check: &mut Checker<'_>,
-) -> Result<[f64; 2], ConfigError> {
+fn principal_point(given: &Given<'_, [f64; 2]>, centre: [f64; 2], check: &mut Checker<'_>) -> Result<[f64; 2]> {
     let Some(point) = given.raw().copied() else {
         check.note(&given.key(), Numbers(centre));
         return Ok(centre);
@@ -135,7 +131,7 @@ fn principal_point(
 
 impl Distortion {
     /// Reads the distortion; zero without keys. Coefficients must be finite and small enough to be a lens.
-    pub(super) fn check(keys: &DistortionKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+    pub(super) fn check(keys: &DistortionKeys, check: &mut Checker<'_>) -> Result<Self> {
         let IsPolynomial(is_polynomial) = keys.model().check(check)?;
         let polynomial = if is_polynomial {
             keys.refuse(&["k1", "k2", "k3", "p1", "p2"], "model = \"brown-conrady\"", check)?;
@@ -153,10 +149,7 @@ impl Distortion {
 pub(super) type Terms = Vec<(usize, usize, f64)>;
 
 /// Returns the polynomial of the terms along x and along y.
-pub(super) fn check_polynomial(
-    along: [Given<'_, Raw<Terms>>; 2],
-    check: &Checker<'_>,
-) -> Result<PolynomialDistortion, ConfigError> {
+pub(super) fn check_polynomial(along: [Given<'_, Raw<Terms>>; 2], check: &Checker<'_>) -> Result<PolynomialDistortion> {
     let terms = along.each_ref().map(|key| key.raw().map_or(&[][..], Vec::as_slice));
     if terms.iter().all(|terms| terms.is_empty()) {
         let wanted = "rows of [exponent of x, exponent of y, coefficient]";
@@ -184,7 +177,7 @@ pub(super) fn check_distortion(
     optics: &Optics,
     distortion: &Distortion,
     check: &Checker<'_>,
-) -> Result<(), ConfigError> {
+) -> Result<()> {
     let d = distortion;
     let parameters = CameraParameters {
         width_px: detector.width_px as usize,
@@ -228,13 +221,13 @@ section! {
 }
 
 impl IlluminationKeys {
-    pub(super) fn check(&self, optics: &Optics, check: &mut Checker<'_>) -> Result<Illumination, ConfigError> {
+    pub(super) fn check(&self, optics: &Optics, check: &mut Checker<'_>) -> Result<Illumination> {
         let blocked = self.blocked().check(check)?;
         let vignetting = self.vignetting(optics, check)?;
         Ok(Illumination { vignetting, cos4: self.cos4().check(check)?, unblocked: 1.0 - blocked })
     }
 
-    fn vignetting(&self, optics: &Optics, check: &mut Checker<'_>) -> Result<Option<Vignetting>, ConfigError> {
+    fn vignetting(&self, optics: &Optics, check: &mut Checker<'_>) -> Result<Option<Vignetting>> {
         if !(self.window_radius_mm().is_given() && self.window_distance_mm().is_given()) {
             let both = "window_radius_mm and window_distance_mm together";
             self.refuse(&["window_radius_mm", "window_distance_mm", "pupil_radius_mm"], both, check)?;

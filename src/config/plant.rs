@@ -8,7 +8,7 @@ use crate::key::{Given, Section, section};
 use crate::key_type::{Any, Numbers, Raw, Shape, Whole, Word};
 use crate::named_files::{Kernels, refused};
 use crate::timing::{StartTime, Timing};
-use crate::{check::Checker, error::ConfigError, event::Pointing, spacecraft::Spacecraft};
+use crate::{check::Checker, error::Result, event::Pointing, spacecraft::Spacecraft};
 use base::time::{Span, Tai};
 use glam::DVec3;
 use histories::{AttitudeHistory, Sense, Times, read};
@@ -38,7 +38,7 @@ pub struct TrackerCommands {
 }
 
 impl TrackerCommands {
-    pub(super) fn check(keys: &TrackerKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+    pub(super) fn check(keys: &TrackerKeys, check: &mut Checker<'_>) -> Result<Self> {
         Ok(Self { windows: keys.commands_windows().check(check)?, exposure: keys.commands_exposure().check(check)? })
     }
 
@@ -197,12 +197,7 @@ impl PlantKeys {
 
     /// Reads the source of the spacecraft's motion: without `kind` it is a vehicle where a spacecraft is named, else
     /// what `flight_computer.kind` says.
-    pub(super) fn mover(
-        &self,
-        names_spacecraft: bool,
-        is_external: bool,
-        check: &Checker<'_>,
-    ) -> Result<PlantKind, ConfigError> {
+    pub(super) fn mover(&self, names_spacecraft: bool, is_external: bool, check: &Checker<'_>) -> Result<PlantKind> {
         let usual = match (names_spacecraft, is_external) {
             (true, _) => PlantKind::Vehicle,
             (false, true) => PlantKind::Outside,
@@ -274,7 +269,7 @@ impl Vehicle {
         names: FlightNames,
         spacecraft: Option<&str>,
         check: &mut Checker<'_>,
-    ) -> Result<Self, ConfigError> {
+    ) -> Result<Self> {
         let FlightNames { before, pointing } = names;
         let spacecraft = named_spacecraft(spacecraft, check)?;
         let initial_keys = keys.initial.at(&format!("{before}initial"));
@@ -305,14 +300,14 @@ impl Vehicle {
     }
 }
 
-fn named_spacecraft(path: Option<&str>, check: &mut Checker<'_>) -> Result<Spacecraft, ConfigError> {
+fn named_spacecraft(path: Option<&str>, check: &mut Checker<'_>) -> Result<Spacecraft> {
     let advice = "the path of a spacecraft file, relative to this one";
     let path = path.ok_or_else(|| check.invalid("spacecraft", "missing", "a path", advice))?;
     let spacecraft = Spacecraft::partly(&check.document.named("spacecraft", path)?)?;
     Ok(check.take(spacecraft))
 }
 
-fn initial(keys: &InitialKeys, check: &mut Checker<'_>) -> Result<Option<Pointing>, ConfigError> {
+fn initial(keys: &InitialKeys, check: &mut Checker<'_>) -> Result<Option<Pointing>> {
     let IsRandom(is_random) = keys.attitude().check(check)?;
     if is_random {
         keys.refuse(&["ra_deg", "dec_deg", "roll_deg"], "attitude = \"given\"", check)?;
@@ -345,7 +340,7 @@ pub enum Begins {
 
 impl FilePlant {
     /// Reads the file and checks that the run is within it.
-    pub(super) fn check(keys: &PlantKeys, timing: &Timing, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+    pub(super) fn check(keys: &PlantKeys, timing: &Timing, check: &mut Checker<'_>) -> Result<Self> {
         let given = keys.attitude();
         let sense = keys.sense().optional(check)?;
         let kernels = Kernels { file: keys.attitude(), texts: keys.kernels(), naif_id: keys.naif_id() };
@@ -378,12 +373,7 @@ impl FilePlant {
     }
 
     /// Refuses a file none of whose attitudes is within the run.
-    fn check_overlap(
-        &self,
-        given: &Given<'_, String>,
-        timing: &Timing,
-        check: &Checker<'_>,
-    ) -> Result<(), ConfigError> {
+    fn check_overlap(&self, given: &Given<'_, String>, timing: &Timing, check: &Checker<'_>) -> Result<()> {
         let (StartTime::At(start), Begins::Utc) = (timing.start, self.begins) else { return Ok(()) };
         let end = start + Span::from_s(timing.duration_s) + LEAD + timing.phase;
         let [first, last] = self.history.span_ns().map(Tai::from_ns);
@@ -413,7 +403,7 @@ impl FilePlant {
 const LEAD: Span = Span::from_ms(1000);
 
 /// Returns the text of the file that a key names, and how messages call it.
-pub(super) fn text_of(given: &Given<'_, String>, check: &Checker<'_>) -> Result<(String, String), ConfigError> {
+pub(super) fn text_of(given: &Given<'_, String>, check: &Checker<'_>) -> Result<(String, String)> {
     let path = given.raw().ok_or_else(|| given.missing("the path of a file", check))?;
     let path = check.document.data_beside(path);
     let text = read::text_of(&path).map_err(|error| refused(given, &error, check))?;

@@ -6,7 +6,7 @@ use crate::{Begins, Bench, Document, FilePlant, Scenario};
 use std::path::Path;
 
 /// Returns a run file beside the shipped benches.
-fn run_file(text: &str) -> Result<Scenario, ConfigError> {
+fn run_file(text: &str) -> Result<Scenario> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/benches");
     Scenario::from_document(&Document::from_text(text, &folder.join("lab.toml")))
 }

@@ -8,11 +8,12 @@
 use crate::bench::{Bench, BesideBench, check_sinks_of_heads};
 use crate::camera::{HEADS_MAX, HeadKeys, check_heads};
 use crate::check::{Checker, Defaulted};
-use crate::error::{ConfigError, Partly};
+use crate::error::{Partly, Result};
 use crate::event::{Action, Event};
 use crate::expect::{Expect, ExpectKeys};
 use crate::file_kind::{FileKind, must_be_one_of};
 use crate::key::{Given, Section, section};
+use crate::observer::{Observer, OrbitSettings};
 use crate::plant::{
     ControlKeys, FilePlant, FlightKeys, IN_BENCH, IN_SCENARIO, InitialKeys, Plant, PlantKeys, PlantKind, PointingKeys,
     TelemetryKeys, TrackerCommands, TrackerKeys, Vehicle,
@@ -20,7 +21,7 @@ use crate::plant::{
 use crate::several::{check_all, check_partly};
 use crate::{
     document::Document, event_places::check_event_places, event_word::EventKeys, key_type::Whole, link::SessionStart,
-    observer::Observer, observer::OrbitSettings, setting::Setting,
+    setting::Setting,
 };
 use base::time::Span;
 use std::path::Path;
@@ -96,7 +97,7 @@ impl Bench {
     ///
     /// # Errors
     /// Everything that is wrong, as far as one error does not hide another.
-    pub fn from_document(document: &Document) -> Result<Self, ConfigError> {
+    pub fn from_document(document: &Document) -> Result<Self> {
         Scenario::from_document(document).map(|scenario| scenario.bench)
     }
 }
@@ -106,7 +107,7 @@ impl Scenario {
     ///
     /// # Errors
     /// The first thing that is wrong.
-    pub fn load(path: &Path) -> Result<Self, ConfigError> {
+    pub fn load(path: &Path) -> Result<Self> {
         Self::from_document(&Document::open(path)?)
     }
 
@@ -114,13 +115,13 @@ impl Scenario {
     ///
     /// # Errors
     /// Everything that is wrong, as far as one error does not hide another.
-    pub fn from_document(document: &Document) -> Result<Self, ConfigError> {
+    pub fn from_document(document: &Document) -> Result<Self> {
         must_be_one_of(&[FileKind::Bench, FileKind::Scenario], document)?;
         check_all(document, if is_over_bench(document) { Self::over_bench } else { Self::in_one_file })
     }
 
     /// Checks a run file that another one names: the run without what is wrong, and what is wrong.
-    fn partly(document: &Document) -> Result<Partly<Self>, ConfigError> {
+    fn partly(document: &Document) -> Result<Partly<Self>> {
         must_be_one_of(&[FileKind::Bench, FileKind::Scenario], document)?;
         check_partly(document, if is_over_bench(document) { Self::over_bench } else { Self::in_one_file })
     }
@@ -130,7 +131,7 @@ impl Scenario {
     ///
     /// # Errors
     /// As [`Self::from_document`].
-    pub fn from_document_lasting(document: Document, duration_s: f64) -> Result<Self, ConfigError> {
+    pub fn from_document_lasting(document: Document, duration_s: f64) -> Result<Self> {
         if !is_scenario(&document) {
             return Self::from_document(&document).map(|scenario| scenario.lasting(duration_s));
         }
@@ -166,7 +167,7 @@ impl Scenario {
     }
 
     /// Checks a file that holds all.
-    fn in_one_file(document: &Document) -> Result<Partly<Self>, ConfigError> {
+    fn in_one_file(document: &Document) -> Result<Partly<Self>> {
         let (bench, beside) = Bench::checked(document)?;
         let mut check = Checker::new(document);
         let BesideBench { plant_kind, spacecraft, plant, event, expect, named_errors } = beside;
@@ -207,7 +208,7 @@ impl Scenario {
     }
 
     /// Checks a scenario that names a bench.
-    fn over_bench(document: &Document) -> Result<Partly<Self>, ConfigError> {
+    fn over_bench(document: &Document) -> Result<Partly<Self>> {
         let keys: ScenarioKeys = document.read_as()?;
         let mut check = Checker::new(document);
         let name = check.folder_name(keys.name().raw().cloned())?;
@@ -244,7 +245,7 @@ impl Scenario {
 }
 
 /// Refuses a bench in which a spacecraft cannot be flown.
-fn check_can_fly(bench: &Bench, check: &Checker<'_>) -> Result<(), ConfigError> {
+fn check_can_fly(bench: &Bench, check: &Checker<'_>) -> Result<()> {
     let got = format!("\"{}\"", bench.name);
     let refuse = |wanted: &str, advice: &str| Err(check.invalid("bench", &got, wanted, advice));
     if !matches!(bench.observer, Observer::Orbit(OrbitSettings::Circular { .. })) {
@@ -272,7 +273,7 @@ fn check_can_fly(bench: &Bench, check: &Checker<'_>) -> Result<(), ConfigError> 
     Ok(())
 }
 
-fn named_bench(given: &Given<'_, String>, check: &mut Checker<'_>) -> Result<Bench, ConfigError> {
+fn named_bench(given: &Given<'_, String>, check: &mut Checker<'_>) -> Result<Bench> {
     let path = given.raw().ok_or_else(|| given.missing("a path", check))?;
     let scenario = Scenario::partly(&check.document.named("bench", path)?)?;
     let bench = check.take(scenario).bench;
@@ -283,12 +284,7 @@ fn named_bench(given: &Given<'_, String>, check: &mut Checker<'_>) -> Result<Ben
 /// Events in order of time. One that comes after the end is refused, unless the file's own run lasts long enough for
 /// it: then a setting cut the run short, and the event is left out. `wheels`: of the spacecraft that is flown inside,
 /// if one is.
-fn events(
-    keys: &[EventKeys],
-    bench: &Bench,
-    wheels: Option<usize>,
-    check: &mut Checker<'_>,
-) -> Result<Vec<Event>, ConfigError> {
+fn events(keys: &[EventKeys], bench: &Bench, wheels: Option<usize>, check: &mut Checker<'_>) -> Result<Vec<Event>> {
     let duration_s = bench.timing.duration_s;
     let frame_period = Span::from_s(1.0 / bench.timing.frame_rate_hz);
     let mut events: Vec<Event> = Vec::with_capacity(keys.len());
@@ -322,7 +318,7 @@ fn events(
 }
 
 /// Refuses a trigger line of a head that the bench does not have.
-fn check_trigger_heads(bench: &Bench, check: &Checker<'_>) -> Result<(), ConfigError> {
+fn check_trigger_heads(bench: &Bench, check: &Checker<'_>) -> Result<()> {
     let heads = bench.head_count();
     let beyond = bench.trigger_lines.iter().zip(0..).find_map(|(line, place)| {
         let head = line.head.filter(|head| *head >= heads)?;
@@ -333,7 +329,7 @@ fn check_trigger_heads(bench: &Bench, check: &Checker<'_>) -> Result<(), ConfigE
     Err(check.invalid(&format!("trigger_line[{place}].head"), head, wanted, "they are counted from 0"))
 }
 
-fn check_triggers_fire_once(events: &[Event], check: &Checker<'_>) -> Result<(), ConfigError> {
+fn check_triggers_fire_once(events: &[Event], check: &Checker<'_>) -> Result<()> {
     for (place, event) in events.iter().enumerate() {
         let is_trigger = matches!(event.action, Action::Trigger { .. });
         if is_trigger && events[..place].iter().any(|earlier| earlier.action == event.action) {
@@ -357,7 +353,7 @@ fn written_duration_s(document: &Document) -> Option<f64> {
 }
 
 /// Takes seeds and duration from the scenario, when it gives them.
-fn override_bench(bench: &mut Bench, keys: &ScenarioKeys, check: &Checker<'_>) -> Result<(), ConfigError> {
+fn override_bench(bench: &mut Bench, keys: &ScenarioKeys, check: &Checker<'_>) -> Result<()> {
     if let Some(duration_s) = keys.duration_s().optional(check)? {
         bench.timing.duration_s = duration_s;
     }
@@ -390,11 +386,7 @@ impl Default for OutsideTrackers {
 
 impl PlantKeys {
     /// Reads the trackers beside a plant outside, if it has any.
-    pub(super) fn outside_trackers(
-        &self,
-        bench: &Bench,
-        check: &mut Checker<'_>,
-    ) -> Result<Option<OutsideTrackers>, ConfigError> {
+    pub(super) fn outside_trackers(&self, bench: &Bench, check: &mut Checker<'_>) -> Result<Option<OutsideTrackers>> {
         let Some(tracker) = self.tracker.as_ref() else { return Ok(None) };
         check.unused(
             "plant.tracker",

@@ -6,7 +6,7 @@
 use crate::key::{Section, listed, section, taken};
 use crate::key_type::{Any, Numbers, Raw, Whole, Word};
 use crate::link::{Address, address, named_address, port_or_address};
-use crate::{bench::Bench, camera::HEADS_MAX, check::Checker, error::ConfigError};
+use crate::{bench::Bench, camera::HEADS_MAX, check::Checker, error::Result};
 use base::time::Span;
 use base::units::{ARCSEC, DEG};
 use glam::DVec3;
@@ -336,7 +336,7 @@ pub(super) fn check_tracker_outs(
     keys: &[TrackerOutKeys],
     bench: &Bench,
     check: &mut Checker<'_>,
-) -> Result<Vec<TrackerOut>, ConfigError> {
+) -> Result<Vec<TrackerOut>> {
     if keys.len() > OUTS_MAX {
         return Err(check.invalid("tracker_out", keys.len(), format!("at most {OUTS_MAX}"), "leave some out"));
     }
@@ -344,7 +344,7 @@ pub(super) fn check_tracker_outs(
 }
 
 impl TrackerOutKeys {
-    fn tracker_out(&self, bench: &Bench, check: &mut Checker<'_>) -> Result<TrackerOut, ConfigError> {
+    fn tracker_out(&self, bench: &Bench, check: &mut Checker<'_>) -> Result<TrackerOut> {
         taken!(check, self => head, source, protocol, link);
         if head >= bench.head_count() {
             let wanted = format!("a head of the bench: below {}", bench.head_count());
@@ -396,11 +396,7 @@ impl TrackerOutKeys {
     }
 
     /// Returns the protocol with the keys that belong to it.
-    fn checked_protocol(
-        &self,
-        protocol: TrackerProtocol,
-        check: &mut Checker<'_>,
-    ) -> Result<TrackerProtocol, ConfigError> {
+    fn checked_protocol(&self, protocol: TrackerProtocol, check: &mut Checker<'_>) -> Result<TrackerProtocol> {
         if !matches!(protocol, TrackerProtocol::CanOpen { .. }) {
             self.refuse(&["node_id", "heartbeat_ms", "starts_operational"], "protocol = \"canopen\"", check)?;
         }
@@ -418,7 +414,7 @@ impl TrackerOutKeys {
         })
     }
 
-    fn line(&self, link: LineWord, check: &mut Checker<'_>) -> Result<TrackerLine, ConfigError> {
+    fn line(&self, link: LineWord, check: &mut Checker<'_>) -> Result<TrackerLine> {
         let not_of = |is: bool, names: &[&str], owner: &str, check: &Checker<'_>| {
             if is { Ok(()) } else { self.refuse(names, owner, check) }
         };
@@ -462,7 +458,7 @@ impl TrackerOutKeys {
     }
 
     /// Returns the path of a file below the run's folder which is none of the run's own files.
-    fn file(&self, path: PathBuf, check: &Checker<'_>) -> Result<PathBuf, ConfigError> {
+    fn file(&self, path: PathBuf, check: &Checker<'_>) -> Result<PathBuf> {
         let names: Vec<Component<'_>> = path.components().filter(|part| *part != Component::CurDir).collect();
         let is_below = !names.is_empty() && names.iter().all(|part| matches!(part, Component::Normal(_)));
         let ending = path.extension().and_then(OsStr::to_str).unwrap_or_default();
@@ -476,7 +472,7 @@ impl TrackerOutKeys {
     }
 
     /// Returns the figures of the model; its periods are those of the head's camera.
-    fn figures(&self, head: usize, bench: &Bench, check: &mut Checker<'_>) -> Result<ModelParams, ConfigError> {
+    fn figures(&self, head: usize, bench: &Bench, check: &mut Checker<'_>) -> Result<ModelParams> {
         let keys = self.model.clone().unwrap_or_default().at(&format!("{}.model", self.table()));
         taken!(check, keys => bias_arcsec, drift_arcsec_per_h, fov_spatial_arcsec, pixel_spatial_arcsec, noise_arcsec);
         taken!(check, keys => aberration_residual_arcsec, noise_over_sky, stars, noise_arcsec_per_deg_s, date_error_ms, acquisition_s);
@@ -515,7 +511,7 @@ impl TrackerOutKeys {
         })
     }
 
-    fn faults(&self, check: &mut Checker<'_>) -> Result<Vec<TrackerOutFault>, ConfigError> {
+    fn faults(&self, check: &mut Checker<'_>) -> Result<Vec<TrackerOutFault>> {
         let place = format!("{}.fault", self.table());
         let read = |keys: FaultKeys| {
             let mut kind = keys.kind().check(check)?;

@@ -9,10 +9,12 @@
 //! constants, because what the planner chooses must be the same, bit for bit, on every machine
 //! (`tests/closed_loop/calibrated.rs`).
 
-use crate::runtime::error::RunError;
+use crate::runtime::error::{Result, RunError};
 use crate::runtime::imager::Imager;
-use base::{accuracy::AccuracyBudget, axes::Rotation, clock::Stopwatch, image::DnImage, least_squares::median};
-use base::{random::philox, time::Tai};
+use base::{
+    accuracy::AccuracyBudget, axes::Rotation, clock::Stopwatch, image::DnImage, least_squares::median, random::philox,
+    time::Tai,
+};
 use config::Backend;
 use image::detector::{DetectorConditions, DetectorParams};
 use plan::attitude::LosPath;
@@ -130,7 +132,7 @@ pub fn calibrate(
     choice: Backend,
     effort: &Effort,
     progress: &mut dyn FnMut(&str, usize, usize),
-) -> Result<Calibration, RunError> {
+) -> Result<Calibration> {
     let scenes = scenes(effort);
     let mut measured = Vec::with_capacity(scenes.len());
     let mut imager: Option<(usize, Imager)> = None;
@@ -185,7 +187,7 @@ impl MeasuredScene {
     }
 }
 
-fn measure(scene: &Scene, side_px: usize, repeats: usize, imager: &mut Imager) -> Result<MeasuredScene, RunError> {
+fn measure(scene: &Scene, side_px: usize, repeats: usize, imager: &mut Imager) -> Result<MeasuredScene> {
     let mut planner = planner(scene, side_px, imager.cost())?;
     let sources = sources(scene.stars, side_px);
     let conditions = DetectorConditions::dark(planner.latest().motion.los.exposure_s);
@@ -234,7 +236,7 @@ fn detector() -> DetectorParams {
     }
 }
 
-fn planner(scene: &Scene, side_px: usize, cost: CostModel) -> Result<Planner, RunError> {
+fn planner(scene: &Scene, side_px: usize, cost: CostModel) -> Result<Planner> {
     let camera = CameraGeometry::new(CameraParameters {
         width_px: side_px,
         height_px: side_px,

@@ -5,7 +5,7 @@
 //! buffers last costs slots; a [`frames::sink::Fan`] is only busy for as long as it takes to copy a frame. Tests:
 //! `tests/closed_loop/sinks.rs`.
 
-use crate::runtime::error::RunError;
+use crate::runtime::error::{Result, RunError};
 use crate::runtime::hygiene::{Hygiene, Role};
 use base::{clock::Clock, time::Tai};
 use crossbeam_channel::{Receiver, Sender, bounded};
@@ -73,7 +73,7 @@ impl Delivery {
         prototype: &SentFrame,
         clock: &Arc<dyn Clock>,
         hygiene: Option<&Arc<Hygiene>>,
-    ) -> Result<Self, RunError> {
+    ) -> Result<Self> {
         let (full, to_send) = bounded::<FramePacket>(BUFFERS);
         let (sent, empty) = bounded::<FramePacket>(BUFFERS);
         for _ in 0..BUFFERS {
@@ -116,7 +116,7 @@ impl Delivery {
     ///
     /// # Errors
     /// When the sink thread has ended.
-    pub fn send(&self, mut frame_packet: FramePacket, now: Tai) -> Result<(), RunError> {
+    pub fn send(&self, mut frame_packet: FramePacket, now: Tai) -> Result<()> {
         frame_packet.record.submitted = Some(now);
         frame_packet.delivered = false;
         frame_packet.losses.clear();

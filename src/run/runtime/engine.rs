@@ -3,13 +3,14 @@
 
 mod draw;
 
+use crate::runtime::error::{Result, RunError};
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::load::{LoadChange, LoadEstimate};
 use crate::runtime::marks::{FrameMark, FrameMarks};
 use crate::runtime::slot::{Slot, Started};
 use crate::runtime::{
-    conditions::Conditions, describe::PathFacts, error::RunError, exposing::Exposing, imager::Imager,
-    params::RunParams, receiver::Receiver,
+    conditions::Conditions, describe::PathFacts, exposing::Exposing, imager::Imager, params::RunParams,
+    receiver::Receiver,
 };
 use base::time::{Span, Tai};
 use base::{axes::Rotation, clock::Stopwatch, refused::Refused, region::Regions, units::SPEED_OF_LIGHT_KM_S};
@@ -22,7 +23,8 @@ use plan::attitude::{
     AttitudeMethod, EstimateLimits, JitterTrack, LosPath, MotionScale, PathOrigin, PathOutcome, PathReport, compose,
 };
 use plan::exposure::{ExposurePlan, Instrument, Planner, Source, SourcePlace};
-use plan::{exposure::cost::CostModel, exposure::target::Target, optics::PsfModel};
+use plan::exposure::{cost::CostModel, target::Target};
+use plan::optics::PsfModel;
 use scene::{Scene, field_light::illumination_map, wcs::WcsMaker};
 use sky::{almanac::Almanac, astrometry::Sight};
 use stars::Sky;
@@ -77,7 +79,7 @@ impl FrameEngine {
     ///
     /// # Errors
     /// When the backend or the catalog is unavailable.
-    pub fn new(params: RunParams) -> Result<Self, RunError> {
+    pub fn new(params: RunParams) -> Result<Self> {
         let imager = Imager::of_detector(params.backend, params.camera.make_detector(params.seeds())?)?;
         let (sky, almanac) = (params.open_sky().map_err(RunError::Stars)?, params.almanac());
         Self::with_sky(params, imager, &sky, &almanac)
@@ -88,7 +90,7 @@ impl FrameEngine {
     ///
     /// # Errors
     /// When the imager refuses the parameters.
-    pub fn with_sky(params: RunParams, mut imager: Imager, sky: &Sky, almanac: &Almanac) -> Result<Self, RunError> {
+    pub fn with_sky(params: RunParams, mut imager: Imager, sky: &Sky, almanac: &Almanac) -> Result<Self> {
         imager.disturbances_mut().defects_mut().set_frame_period_s(params.frame_period.s());
         let camera = &params.camera;
         let mut los = LosPath::commanded(Rotation::IDENTITY, params.first_exposure, camera.exposure_s);
@@ -144,7 +146,7 @@ impl FrameEngine {
     ///
     /// # Errors
     /// When the backend cannot build another set of tables.
-    pub fn add_optics(&mut self, psf: PsfModel) -> Result<usize, RunError> {
+    pub fn add_optics(&mut self, psf: PsfModel) -> Result<usize> {
         self.imager.add_tables()?;
         match self.make_optics(self.optics.len(), psf) {
             Ok(planner) => {
@@ -164,14 +166,14 @@ impl FrameEngine {
     ///
     /// # Errors
     /// When the backend cannot build the tables.
-    pub fn replace_optics(&mut self, number: usize, psf: PsfModel) -> Result<(), RunError> {
+    pub fn replace_optics(&mut self, number: usize, psf: PsfModel) -> Result<()> {
         self.optics[number] = None;
         self.optics[number] = Some(self.make_optics(number, psf)?);
         Ok(())
     }
 
     /// Returns a planner for other optics, whose tables are built at `number`.
-    fn make_optics(&mut self, number: usize, psf: PsfModel) -> Result<Planner, RunError> {
+    fn make_optics(&mut self, number: usize, psf: PsfModel) -> Result<Planner> {
         let los = self.planner.latest().motion.los.clone();
         let mut planner = new_planner(&self.params, &self.imager, los, Some(psf));
         // Drawing one star once builds all tables.
@@ -206,7 +208,7 @@ impl FrameEngine {
     ///
     /// # Errors
     /// When the backend failed.
-    pub fn draw_target_alone(&mut self, target: &Target) -> Result<(), RunError> {
+    pub fn draw_target_alone(&mut self, target: &Target) -> Result<()> {
         self.set_targets(&[]);
         // A planned target has the light that reaches the detector.
         self.planner.set_target_light(1.0);
@@ -242,7 +244,7 @@ impl FrameEngine {
     ///
     /// # Errors
     /// When the system cannot start the thread.
-    pub fn read_stars_ahead(&mut self) -> Result<(), RunError> {
+    pub fn read_stars_ahead(&mut self) -> Result<()> {
         self.scene.stars.read_ahead().map_err(RunError::Scene)
     }
 
@@ -322,7 +324,7 @@ impl FrameEngine {
         let spare_ms = (self.drawing_budget_ms(regions, load) - latest_ms) * load;
         let frame_ms = (latest_ms + self.detector_ms(regions)) * load * f64::from(params.heads);
         let half_ms = 0.5 * spare_ms.min(params.frame_period.ms() - frame_ms).max(0.0);
-        receiver.params().settings.jitter_wait.min(Span::from_s(half_ms * 1e-3))
+        receiver.params.settings.jitter_wait.min(Span::from_s(half_ms * 1e-3))
     }
 
     /// Returns the predicted time of the detector for a frame of these regions, ms; a GPU always reads out the whole
@@ -365,7 +367,7 @@ impl FrameEngine {
     ///
     /// # Errors
     /// When the backend failed.
-    pub fn warm_up(&mut self, frame: &mut SentFrame) -> Result<(), RunError> {
+    pub fn warm_up(&mut self, frame: &mut SentFrame) -> Result<()> {
         let sources = self.scene.stars.in_view(&self.planner.latest().motion.los).map_err(RunError::Scene)?;
         let plan = self.planner.plan(sources);
         self.imager.image(plan, 0, &DetectorConditions::dark(plan.motion.los.exposure_s), &mut frame.image)?;
@@ -385,7 +387,7 @@ impl FrameEngine {
         receiver: &mut Receiver,
         ledger: &mut Ledger,
         frame: &mut SentFrame,
-    ) -> Result<Option<StageTimes>, RunError> {
+    ) -> Result<Option<StageTimes>> {
         let mut times = bus_times(slot, receiver);
         receiver.mounting_mut(self.head).jitter.set_exposure_s(self.exposing.exposure_s());
         self.conditions.set_exposing(self.exposing.light_factor(), self.exposing.settings());
@@ -432,8 +434,8 @@ impl FrameEngine {
     }
 
     /// Composes the line of sight of the slot in the planner, and returns what the image shows.
-    fn compose(&mut self, slot: Slot, receiver: &Receiver, ledger: &mut Ledger) -> Result<Shown, RunError> {
-        let (params, rows_s, mounting) = (receiver.params(), self.rows_s(), receiver.mounting(self.head));
+    fn compose(&mut self, slot: Slot, receiver: &Receiver, ledger: &mut Ledger) -> Result<Shown> {
+        let (params, rows_s, mounting) = (&receiver.params, self.rows_s(), receiver.mounting(self.head));
         self.path = PathFacts::default();
         let los = &mut self.planner.motion_mut().los;
         if !receiver.session.is_rendering() {
@@ -443,7 +445,7 @@ impl FrameEngine {
             return Ok(Shown::Dark);
         }
         let outcome = compose(
-            receiver.history(),
+            &receiver.history,
             &mounting.jitter,
             mounting.sensor_from_body,
             slot.exposure_start - Span::from_s(0.5 * rows_s),
@@ -543,7 +545,7 @@ fn bus_times(slot: Slot, receiver: &Receiver) -> StageTimes {
         (Stage::Trigger, trigger),
         (Stage::BusAge, receiver.age_at(slot.release)),
         (Stage::ArrivalAge, receiver.arrival_age_at(slot.release)),
-        (Stage::Correlation, receiver.clock().estimate().map(|estimate| estimate.spread)),
+        (Stage::Correlation, receiver.clock.estimate().map(|estimate| estimate.spread)),
     ];
     for (stage, span) in known {
         if let Some(span) = span {

@@ -9,6 +9,9 @@ use std::path::PathBuf;
 /// Any error at the other end of the cable.
 pub type FarEndError = Box<dyn core::error::Error + Send + Sync>;
 
+/// A value, or why the run cannot start or go on.
+pub(crate) type Result<T, E = RunError> = core::result::Result<T, E>;
+
 /// Errors of a run.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {

@@ -11,7 +11,7 @@
 
 use crate::runtime::conditions::{Conditions, FALSE_STARS_MAX, FAULT_STREAM};
 use crate::runtime::ledger::{Event, EventKind, Ledger};
-use crate::runtime::{engine::FrameEngine, error::RunError, slot::Slot};
+use crate::runtime::{engine::FrameEngine, error::Result, slot::Slot};
 use base::random::{key, philox};
 use base::time::{Span, Tai};
 use frames::sink::{
@@ -171,7 +171,7 @@ impl FrameFaults {
     ///
     /// # Errors
     /// When the tables of other optics are unavailable.
-    pub fn prepare(&mut self, engine: &mut FrameEngine) -> Result<(), RunError> {
+    pub fn prepare(&mut self, engine: &mut FrameEngine) -> Result<()> {
         let params = engine.params();
         let (seed, exposure_s) = (params.seed, params.camera.exposure_s);
         let size = [params.camera.geometry.width_px(), params.camera.geometry.height_px()];
@@ -417,7 +417,7 @@ fn defect_places(spots: DefectSpots, size: [usize; 2], stream: u32, seed: u64) -
 }
 
 /// Makes optics in place of spare ones, or more of them; returns their index.
-fn new_optics(engine: &mut FrameEngine, spare: Option<usize>, psf: PsfModel) -> Result<usize, RunError> {
+fn new_optics(engine: &mut FrameEngine, spare: Option<usize>, psf: PsfModel) -> Result<usize> {
     match spare {
         Some(number) => engine.replace_optics(number, psf).map(|()| number),
         None => engine.add_optics(psf),

@@ -5,7 +5,7 @@
 
 use crate::runtime::frame_faults::{Fate, FrameFaults};
 use crate::runtime::{
-    engine::FrameEngine, error::RunError, exposing::Exposing, ledger::Ledger, receiver::Receiver, slot::Slot,
+    engine::FrameEngine, error::Result, exposing::Exposing, ledger::Ledger, receiver::Receiver, slot::Slot,
 };
 use base::axes::{Body, Rotation, Sensor};
 use firmware_protocol::{Message, message::Request};
@@ -58,7 +58,7 @@ impl Head {
         receiver: &mut Receiver,
         ledger: &mut Ledger,
         frame: &mut SentFrame,
-    ) -> Result<Option<(Fate, StageTimes)>, RunError> {
+    ) -> Result<Option<(Fate, StageTimes)>> {
         let Self { engine, faults, .. } = self;
         receiver.fire_triggers(engine.head(), slot, ledger, &mut |fired| {
             faults.fire_trigger(fired.number, fired.at);

@@ -12,9 +12,10 @@
 //! threads, so that an edge wakes the frame thread as a message does. When the queue is full an edge is lost and
 //! counted; so are those that the kernel dropped. Tests: `hil_scripts/test_triggers.py`.
 
+use crate::runtime::error::{Result, RunError};
 use crate::runtime::hygiene::{Hygiene, Role};
+use crate::runtime::plant_queue::PlantSample;
 use crate::runtime::port_reading::{PortReading, SharedReading};
-use crate::runtime::{error::RunError, plant_queue::PlantSample};
 use base::clock::{Clock, PairedReading};
 use base::time::{Span, Tai};
 use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -50,7 +51,7 @@ struct Station {
     send_overflows: AtomicU64,
     shared: Arc<SharedReading>,
     stop: Arc<AtomicBool>,
-    thread: Option<JoinHandle<Result<PortReading, RunError>>>,
+    thread: Option<JoinHandle<Result<PortReading>>>,
 }
 
 impl LinkThreads {
@@ -65,7 +66,7 @@ impl LinkThreads {
         chips: Vec<TriggerChip>,
         clock: &Arc<dyn Clock>,
         hygiene: Option<&Arc<Hygiene>>,
-    ) -> Result<Self, RunError> {
+    ) -> Result<Self> {
         let (arrived, received) = bounded(RECEIVE_QUEUE);
         let pulses = pulses.map(|pulses| PulseThread::start(pulses, arrived.clone(), clock)).transpose()?;
         let edges = |chip| EdgeThread::start(chip, arrived.clone(), clock, hygiene.map(Arc::clone));
@@ -163,7 +164,7 @@ impl LinkThreads {
 }
 
 impl Station {
-    fn start(own: Own, hygiene: Option<Arc<Hygiene>>) -> Result<Self, RunError> {
+    fn start(own: Own, hygiene: Option<Arc<Hygiene>>) -> Result<Self> {
         let (to_send, outgoing) = bounded::<Message>(SEND_QUEUE);
         let (stop, shared) = (Arc::new(AtomicBool::new(false)), Arc::new(SharedReading::default()));
         let (stopped, published) = (Arc::clone(&stop), Arc::clone(&shared));
@@ -182,7 +183,7 @@ impl Station {
         PortReading { send_overflows: self.send_overflows.load(Ordering::Relaxed), ..self.shared.read() }
     }
 
-    fn finish(&mut self) -> Result<PortReading, RunError> {
+    fn finish(&mut self) -> Result<PortReading> {
         self.stop.store(true, Ordering::Relaxed);
         let lost = || RunError::ThreadLost { name: "link" };
         self.thread.take().ok_or_else(lost)?.join().map_err(|_panicked| lost())?
@@ -207,12 +208,7 @@ struct Own {
 }
 
 impl Own {
-    fn listen(
-        mut self,
-        outgoing: &Queue<Message>,
-        stop: &AtomicBool,
-        shared: &SharedReading,
-    ) -> Result<PortReading, RunError> {
+    fn listen(mut self, outgoing: &Queue<Message>, stop: &AtomicBool, shared: &SharedReading) -> Result<PortReading> {
         let mut overflows = 0;
         while !stop.load(Ordering::Relaxed) {
             for message in outgoing.try_iter() {
@@ -240,7 +236,7 @@ struct PulseThread {
 }
 
 impl PulseThread {
-    fn start(mut pulses: Pps, arrived: Sender<Received>, clock: &Arc<dyn Clock>) -> Result<Self, RunError> {
+    fn start(mut pulses: Pps, arrived: Sender<Received>, clock: &Arc<dyn Clock>) -> Result<Self> {
         let stop = Arc::new(AtomicBool::new(false));
         let (stopped, clock) = (Arc::clone(&stop), Arc::clone(clock));
         let look = move || {
@@ -322,7 +318,7 @@ impl EdgeThread {
         arrived: Sender<Received>,
         clock: &Arc<dyn Clock>,
         hygiene: Option<Arc<Hygiene>>,
-    ) -> Result<Self, RunError> {
+    ) -> Result<Self> {
         let stop = Arc::new(AtomicBool::new(false));
         let [lost, restarts] = [0, 0].map(|none| Arc::new(AtomicU64::new(none)));
         let (stopped, clock) = (Arc::clone(&stop), Arc::clone(clock));

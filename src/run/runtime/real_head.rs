@@ -10,11 +10,12 @@
 //! of a sink thread are recorded.
 
 use crate::runtime::delivery::{Delivery, FramePacket};
+use crate::runtime::error::{Result, RunError};
 use crate::runtime::link_thread::{LinkThreads, TriggerChip};
 use crate::runtime::reply::{Reply, ReportedFrame};
 use crate::runtime::{
-    error::RunError, frame_faults::Fate as Spoiling, head::Head, hygiene::Hygiene, ledger::EventKind,
-    plant_queue::PlantSample, port_reading::PortReading, receiver::Receiver, record::RunRecord, slot::Slot,
+    frame_faults::Fate as Spoiling, head::Head, hygiene::Hygiene, ledger::EventKind, plant_queue::PlantSample,
+    port_reading::PortReading, receiver::Receiver, record::RunRecord, slot::Slot,
 };
 use base::clock::Clock;
 use base::time::{Span, Tai};
@@ -48,7 +49,7 @@ impl<'a> RealHead<'a> {
         head: &'a mut Head,
         prototype: SentFrame,
         setting: &Setting<'_>,
-    ) -> Result<Self, RunError> {
+    ) -> Result<Self> {
         let delivery = Delivery::start(head.take_sink(), &prototype, setting.clock, setting.hygiene)?;
         let (spoiling, spare) = (Spoiling::SEND, None);
         Ok(Self { number, head, delivery, spoiling, spare, previous: prototype, has_previous: false })
@@ -62,7 +63,7 @@ impl<'a> RealHead<'a> {
         shared: &mut Shared<'_>,
         record: &mut RunRecord,
         progress: &mut dyn FnMut(usize, &SentFrame, &RunRecord),
-    ) -> Result<(), RunError> {
+    ) -> Result<()> {
         let spare = self.spare.take().or_else(|| self.delivery.take(|back| take_back(record, back)));
         let Some(mut frame_packet) = spare else {
             // A slot that started too late to be drawn, as after a pause of the whole program, is not missed because of
@@ -108,7 +109,7 @@ impl<'a> RealHead<'a> {
         frame: &mut SentFrame,
         shared: &mut Shared<'_>,
         record: &mut RunRecord,
-    ) -> Result<Option<StageTimes>, RunError> {
+    ) -> Result<Option<StageTimes>> {
         let exposed = self.head.draw(slot, shared.receiver, &mut record.ledger, frame);
         if matches!(exposed, Err(RunError::AttitudeStopped { .. })) && self.number == 0 {
             shared.announce_stop(slot.release);
@@ -186,7 +187,7 @@ impl<'a> RealHead<'a> {
         slot: Slot,
         shared: &mut Shared<'_>,
         record: &mut RunRecord,
-    ) -> Result<(), RunError> {
+    ) -> Result<()> {
         let policy = self.head.engine.params().deadline_policy;
         let lateness = frame_packet.frame.meta.lateness;
         if lateness > Span::ZERO && policy != DeadlinePolicy::Late {
@@ -210,7 +211,7 @@ impl<'a> RealHead<'a> {
         slot: Slot,
         shared: &mut Shared<'_>,
         record: &mut RunRecord,
-    ) -> Result<(), RunError> {
+    ) -> Result<()> {
         let lateness = frame_packet.frame.meta.lateness;
         let at = slot.due + lateness;
         record.frames.late += 1;
@@ -238,7 +239,7 @@ impl<'a> RealHead<'a> {
         mut frame_packet: FramePacket,
         shared: &mut Shared<'_>,
         record: &mut RunRecord,
-    ) -> Result<(), RunError> {
+    ) -> Result<()> {
         // The stimulator reports its own data before its frame is damaged.
         shared.announce(self.number, &frame_packet.frame.meta, self.head.engine.pointing_bound_rad);
         self.head.faults.spoil(&self.spoiling, &mut frame_packet.frame);
@@ -251,13 +252,7 @@ impl<'a> RealHead<'a> {
     }
 
     /// Sends a frame `now`, or `delay` after it is due if a delay is given.
-    fn send(
-        &mut self,
-        mut frame_packet: FramePacket,
-        delay: Span,
-        now: Tai,
-        record: &mut RunRecord,
-    ) -> Result<(), RunError> {
+    fn send(&mut self, mut frame_packet: FramePacket, delay: Span, now: Tai, record: &mut RunRecord) -> Result<()> {
         frame_packet.not_before = (delay > Span::ZERO).then(|| frame_packet.record.due + delay);
         record.count_outgoing(&frame_packet.frame.meta);
         let meta = &frame_packet.frame.meta;

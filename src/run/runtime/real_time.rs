@@ -11,10 +11,10 @@ use crate::runtime::head::{Head, give_commands, show_cameras};
 use crate::runtime::ledger::{Event, EventKind};
 use crate::runtime::link_thread::{LinkThreads, Received};
 use crate::runtime::real_head::{FrameOrder, RealHead, Setting, Shared, Sources, take_back};
-use crate::runtime::record::{RunOutcome, lines_of_head};
+use crate::runtime::record::{RunOutcome, RunRecord, lines_of_head};
 use crate::runtime::{
-    engine::FrameEngine, error::RunError, hygiene::Role, port_reading::PortReading, receiver::Receiver,
-    record::RunRecord, reply::Reply, shutter::NextSlot, slot::Slot,
+    engine::FrameEngine, error::Result, hygiene::Role, port_reading::PortReading, receiver::Receiver, reply::Reply,
+    shutter::NextSlot, slot::Slot,
 };
 use base::time::{Span, Tai};
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -96,7 +96,7 @@ fn start<'a>(
     setting: &Setting<'_>,
     heads: &'a mut [Head],
     sources: Sources,
-) -> Result<(Vec<RealHead<'a>>, LinkThreads), RunError> {
+) -> Result<(Vec<RealHead<'a>>, LinkThreads)> {
     let mut warm = Vec::with_capacity(heads.len());
     for head in heads {
         let camera = &head.engine.params().camera;
@@ -133,7 +133,7 @@ impl Bench<'_> {
         setting: &Setting<'_>,
         record: &mut RunRecord,
         progress: &mut dyn FnMut(usize, &SentFrame, &RunRecord),
-    ) -> Result<(), RunError> {
+    ) -> Result<()> {
         while let Some(release) = self.next_release() {
             let mut asked = self.shared.clock.now();
             let forecast = self.forecast();

@@ -6,7 +6,7 @@ use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::plant_queue::{PlantAttitude, PlantSample};
 use crate::runtime::rate_check::{RateCheck, TagRate, WINDOW};
 use crate::runtime::session::{PerHead, Session};
-use crate::runtime::{error::RunError, jitter_tables, params::AttitudeParams, slot::Slot, triggers::FiredTrigger};
+use crate::runtime::{error::Result, jitter_tables, params::AttitudeParams, slot::Slot, triggers::FiredTrigger};
 use base::axes::{Body, Rotation, Sensor, WRITTEN_NORM_TOLERANCE};
 use base::time::{Span, Tai};
 use base::units::{ARCSEC, RPM};
@@ -45,9 +45,12 @@ pub struct PulseCounts {
 
 /// The receiving half of the stimulator: one for all heads of a run, each with its [`Mounting`].
 pub struct Receiver {
-    params: AttitudeParams,
-    clock: RemoteClock,
-    history: AttitudeHistory,
+    /// The parameters.
+    pub params: AttitudeParams,
+    /// The time correlation.
+    pub clock: RemoteClock,
+    /// The attitudes so far.
+    pub history: AttitudeHistory,
     mountings: PerHead<Mounting>,
     /// The conversation with the flight computer.
     pub session: Session,
@@ -75,7 +78,7 @@ impl Receiver {
     ///
     /// # Errors
     /// When a jitter line is not finite.
-    pub fn new(params: AttitudeParams) -> Result<Self, RunError> {
+    pub fn new(params: AttitudeParams) -> Result<Self> {
         Ok(Self {
             clock: RemoteClock::new(params.settings.clock),
             history: AttitudeHistory::new(params.settings.history),
@@ -108,7 +111,7 @@ impl Receiver {
     ///
     /// # Errors
     /// When a jitter line is not finite.
-    pub fn add_head(&mut self, params: &AttitudeParams) -> Result<(), RunError> {
+    pub fn add_head(&mut self, params: &AttitudeParams) -> Result<()> {
         self.mountings.push(Mounting::new(params)?);
         self.session.add_head();
         Ok(())
@@ -150,21 +153,6 @@ impl Receiver {
     /// Detects heartbeats that have stopped.
     pub fn watch(&mut self, now: Tai, ledger: &mut Ledger) {
         self.session.watch(now, ledger);
-    }
-
-    /// Returns the attitudes so far.
-    pub fn history(&self) -> &AttitudeHistory {
-        &self.history
-    }
-
-    /// Returns the time correlation.
-    pub fn clock(&self) -> &RemoteClock {
-        &self.clock
-    }
-
-    /// Returns the parameters.
-    pub fn params(&self) -> &AttitudeParams {
-        &self.params
     }
 
     /// Returns the number of messages taken in, all kinds.
@@ -454,7 +442,7 @@ pub struct Mounting {
 }
 
 impl Mounting {
-    pub(super) fn new(params: &AttitudeParams) -> Result<Self, RunError> {
+    pub(super) fn new(params: &AttitudeParams) -> Result<Self> {
         let mut jitter = JitterHistory::new(params.settings.jitter_history, params.settings.jitter_max_gap);
         jitter.set_lines(&params.jitter_lines, params.jitter_epoch)?;
         if let Some(record) = &params.jitter_record {

@@ -6,16 +6,16 @@
 //! is late; wall times per stage are still measured. [`VirtualLoop`] is advanced step by step, or to the
 //! end.
 
-use crate::runtime::error::{FarEndError, RunError};
+use crate::runtime::error::{FarEndError, Result, RunError};
 use crate::runtime::head::{Head, give_commands, show_cameras};
 use crate::runtime::ledger::{Event, EventKind};
 use crate::runtime::outside_tracker::{OutsideTracker, commands_of};
 use crate::runtime::plant_queue::{PlantQueue, PlantRefusal, PlantSample};
-use crate::runtime::record::{RunOutcome, lines_of_head};
+use crate::runtime::record::{RunOutcome, RunRecord, lines_of_head};
 use crate::runtime::reply::{Reply, ReportedFrame};
 use crate::runtime::{
     engine::FrameEngine, frame_faults::Fate, port_reading::PortReading, real_head::end_of, receiver::Receiver,
-    record::RunRecord, shutter::NextSlot, slot::Slot,
+    shutter::NextSlot, slot::Slot,
 };
 use base::clock::{Clock, Stopwatch, Virtual};
 use base::time::{Span, Tai};
@@ -140,7 +140,7 @@ impl VirtualLoop {
     ///
     /// # Errors
     /// When the link, the backend or a sink failed.
-    pub fn advance_to(&mut self, until: Tai, heads: &mut [Head], world: &mut World<'_>) -> Result<(), RunError> {
+    pub fn advance_to(&mut self, until: Tai, heads: &mut [Head], world: &mut World<'_>) -> Result<()> {
         if self.far_due.is_none() {
             self.start(heads, world)?;
         }
@@ -166,7 +166,7 @@ impl VirtualLoop {
     ///
     /// # Errors
     /// The same errors as [`Self::advance_to`].
-    pub fn finish(&mut self, heads: &mut [Head], world: &mut World<'_>) -> Result<(), RunError> {
+    pub fn finish(&mut self, heads: &mut [Head], world: &mut World<'_>) -> Result<()> {
         loop {
             let last_release = |head: &Head| last_release(&head.engine);
             let last_pending = self.pending.iter().map(|pending| pending.deliver_at).max();
@@ -199,7 +199,7 @@ impl VirtualLoop {
         RunOutcome { record: self.record, ports, summaries, sinks, lost_threads: Vec::new(), error }
     }
 
-    fn start(&mut self, heads: &mut [Head], world: &mut World<'_>) -> Result<(), RunError> {
+    fn start(&mut self, heads: &mut [Head], world: &mut World<'_>) -> Result<()> {
         self.waits_until = vec![None; heads.len()];
         for head in heads.iter_mut() {
             let mut frame = empty_frame(&head.engine);
@@ -211,7 +211,7 @@ impl VirtualLoop {
     }
 
     /// Accepts and answers what has arrived by `now`.
-    fn receive(&mut self, now: Tai, heads: &mut [Head], world: &mut World<'_>) -> Result<(), RunError> {
+    fn receive(&mut self, now: Tai, heads: &mut [Head], world: &mut World<'_>) -> Result<()> {
         let World { port, receiver, .. } = world;
         while let Some(message) = port.receive_any(now)? {
             show_cameras(heads.iter().map(|head| &head.engine.exposing), receiver, &message.value);
@@ -250,7 +250,7 @@ impl VirtualLoop {
         draws.chain(delivery).chain(far_end).chain(plant).min()
     }
 
-    fn draw(&mut self, number: usize, head: &mut Head, world: &mut World<'_>) -> Result<(), RunError> {
+    fn draw(&mut self, number: usize, head: &mut Head, world: &mut World<'_>) -> Result<()> {
         let World { port, receiver, .. } = world;
         // Input since the forecast may have moved the slot.
         let now = self.clock.now();
@@ -295,13 +295,7 @@ impl VirtualLoop {
     }
 
     /// Sends nothing for a slot without an attitude, and reports this to the flight computer.
-    fn leave_out(
-        &mut self,
-        number: usize,
-        slot: Slot,
-        frame: SentFrame,
-        world: &mut World<'_>,
-    ) -> Result<(), RunError> {
+    fn leave_out(&mut self, number: usize, slot: Slot, frame: SentFrame, world: &mut World<'_>) -> Result<()> {
         if number == 0 {
             self.watch_link(slot.due, world);
             world.port.send(&self.reply.stopped(world.receiver, slot.due))?;
@@ -337,7 +331,7 @@ impl VirtualLoop {
         self.pending.push_back(Pending { deliver_at, head, frame, drawn, exposure_start, end });
     }
 
-    fn deliver(&mut self, at: Tai, heads: &mut [Head], world: &mut World<'_>) -> Result<(), RunError> {
+    fn deliver(&mut self, at: Tai, heads: &mut [Head], world: &mut World<'_>) -> Result<()> {
         while let Some(place) = self.pending.iter().position(|pending| pending.deliver_at <= at) {
             let Some(mut pending) = self.pending.remove(place) else { break };
             let head = &mut heads[pending.head];

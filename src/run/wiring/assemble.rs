@@ -11,7 +11,7 @@
 
 use crate::runtime::receiver::Receiver;
 use crate::runtime::{Head, Hygiene, Imager};
-use crate::wiring::faults::{FaultDesk, in_order_of_placing, lock};
+use crate::wiring::faults::{FaultDesk, Inventory, in_order_of_placing, lock};
 use crate::wiring::heads::{CostsHere, HeadSetting, make_heads, make_receiver, size_of, take_sink};
 use crate::wiring::memory::{RunForm, RunMemory};
 use crate::wiring::ports::{Cable, arm, is_unreachable, needs_real_clock};
@@ -20,8 +20,8 @@ use crate::wiring::sinks::{directory_of_head, make_sinks};
 use crate::wiring::taps::{CaptureOptions, LiveOptions, LiveTap, Taps};
 use crate::wiring::tracker_outs::{TrackerOuts, WaitingOut, tap_heads};
 use crate::wiring::{
-    cable::CableSetting, display_parts::hold_cards, error::LoopError, far_side::FarSide, faults::Inventory,
-    sink_setting::SinkSetting, steering::Steering,
+    cable::CableSetting, display_parts::hold_cards, error::Result, far_side::FarSide, sink_setting::SinkSetting,
+    steering::Steering,
 };
 use anyhow::Context;
 use base::time::{Span, Tai};
@@ -85,10 +85,13 @@ impl<'a> RunOptions<'a> {
 
 /// An assembled run.
 pub struct Run {
-    pub(super) scenario: Scenario,
-    pub(super) times: RunTimes,
+    /// The scenario.
+    pub scenario: Scenario,
+    /// The instants of the run.
+    pub times: RunTimes,
     pub(super) clock: RunClock,
-    pub(super) heads: Vec<Head>,
+    /// The heads, the first one first; at least one.
+    pub heads: Vec<Head>,
     pub(super) receiver: Receiver,
     pub(super) desk: Arc<Mutex<FaultDesk>>,
     pub(super) faults_of_bus: [FaultControl; 2],
@@ -114,7 +117,7 @@ impl Run {
     ///
     /// # Errors
     /// The first part that cannot be made.
-    pub fn assemble(scenario: &Scenario, options: RunOptions<'_>) -> Result<Self, LoopError> {
+    pub fn assemble(scenario: &Scenario, options: RunOptions<'_>) -> Result<Self> {
         let scenario = scenario.clone();
         let RunOptions { clock, mut outputs, costs, hygiene, capture, live, steering, is_controlled } = options;
         if let (RunClockKind::Virtual, Some(what)) = (clock, needs_real_clock(&scenario.bench)) {
@@ -190,7 +193,7 @@ impl Run {
     ///
     /// # Errors
     /// When a link cannot be opened.
-    pub fn connect(&mut self) -> Result<(), LoopError> {
+    pub fn connect(&mut self) -> Result<()> {
         if self.cable.is_some() {
             return Ok(());
         }
@@ -218,7 +221,7 @@ impl Run {
     }
 
     /// Returns the far end, with the events of the file placed.
-    pub(super) fn far_side(&mut self) -> Result<FarSide, LoopError> {
+    pub(super) fn far_side(&mut self) -> Result<FarSide> {
         self.connect()?;
         let port = self.cable.as_mut().and_then(|cable| cable.far.take());
         let trackers = self.heads.iter_mut().filter_map(|head| head.tracker.take()).collect();
@@ -246,7 +249,7 @@ impl Run {
     }
 
     /// Places the events of the file; returns their ledger events.
-    pub(super) fn place_events(&mut self, far: &mut FarSide) -> Result<Vec<crate::runtime::ledger::Event>, LoopError> {
+    pub(super) fn place_events(&mut self, far: &mut FarSide) -> Result<Vec<crate::runtime::ledger::Event>> {
         let mut notes = Vec::new();
         for event in in_order_of_placing(&self.scenario.events) {
             let frames = self.heads.iter_mut().map(|head| &mut head.faults).collect();
@@ -258,21 +261,6 @@ impl Run {
             head.faults.prepare(&mut head.engine)?;
         }
         Ok(notes)
-    }
-
-    /// Returns the scenario.
-    pub fn scenario(&self) -> &Scenario {
-        &self.scenario
-    }
-
-    /// Returns the instants of the run.
-    pub fn times(&self) -> RunTimes {
-        self.times
-    }
-
-    /// Returns the heads, the first one first; at least one.
-    pub fn heads(&self) -> &[Head] {
-        &self.heads
     }
 
     /// Returns the number of frames of all heads in the whole run.
@@ -294,12 +282,7 @@ impl Run {
 }
 
 /// Refuses a run that needs more memory than is available, before any of it is allocated.
-fn check_memory(
-    scenario: &Scenario,
-    outputs: &Outputs<'_>,
-    clock: RunClockKind,
-    has_view: bool,
-) -> Result<(), LoopError> {
+fn check_memory(scenario: &Scenario, outputs: &Outputs<'_>, clock: RunClockKind, has_view: bool) -> Result<()> {
     let sinks: &[SinkSettings] = match outputs {
         Outputs::Configured { sinks, .. } => sinks,
         Outputs::Made(_) => &[],
@@ -310,7 +293,7 @@ fn check_memory(
 }
 
 /// Returns the instants of a run: from the first exposure of the first head to the end of the last frame of any.
-fn times(start: Tai, heads: &[Head]) -> Result<RunTimes, LoopError> {
+fn times(start: Tai, heads: &[Head]) -> Result<RunTimes> {
     let params = || heads.iter().map(|head| head.engine.params());
     let zero = params().next().map(|params| params.first_exposure).context("a run without a head")?;
     let end = params().map(|params| params.exposure_start(params.frames)).max().unwrap_or(zero);
@@ -323,7 +306,7 @@ fn sink_of_head(
     (number, count): (usize, usize),
     outputs: &mut Outputs<'_>,
     clock: &RunClock,
-) -> Result<Box<dyn Sink>, LoopError> {
+) -> Result<Box<dyn Sink>> {
     if !head.is_shown {
         return Ok(Box::new(NullSink::new()));
     }

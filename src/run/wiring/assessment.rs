@@ -83,7 +83,8 @@ pub struct Verdict {
 /// Sums over a run.
 pub struct Assessment {
     expect: Expect,
-    zero: Tai,
+    /// The time of the first exposure.
+    pub zero: Tai,
     window_from: Tai,
     head_from_body: glam::DQuat,
     pointing: Square,
@@ -208,11 +209,6 @@ impl Assessment {
         if self.violation_lines.len() < VIOLATIONS_KEPT {
             self.violation_lines.push(what());
         }
-    }
-
-    /// Returns the time of the first exposure.
-    pub fn zero(&self) -> Tai {
-        self.zero
     }
 
     /// Records the distance from the truth of a frame that claims to show it.

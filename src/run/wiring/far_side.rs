@@ -3,10 +3,9 @@
 //! The owner of the clock steps it; it never reads a clock itself.
 
 use crate::runtime::{error::FarEndError, frame_faults::NEVER, outside_tracker::commands_of};
+use crate::wiring::error::{LoopError, Result};
 use crate::wiring::faults::{Aboard, Placed};
-use crate::wiring::{
-    bench_parts, error::LoopError, run_clock::RunTimes, vehicle_parts::vehicle_params, witness::Witness,
-};
+use crate::wiring::{bench_parts, run_clock::RunTimes, vehicle_parts::vehicle_params, witness::Witness};
 use base::axes::{Body, Rotation, Sensor};
 use base::refused::Refused;
 use base::time::{Span, Tai};
@@ -97,7 +96,7 @@ impl FarSide {
     }
 
     /// Makes the flight computer fire a trigger over the bus, to act at `at` or on arrival.
-    pub(super) fn send_trigger(&mut self, number: u16, at: Option<Tai>, now: Tai) -> Result<(), LoopError> {
+    pub(super) fn send_trigger(&mut self, number: u16, at: Option<Tai>, now: Tai) -> Result<()> {
         let event = |why: String| LoopError::Event { what: "trigger", why };
         let outside = || event("the flight computer is outside this program: fire it there".into());
         let (_, computer) = self.simulated.as_mut().ok_or_else(outside)?;

@@ -8,7 +8,8 @@
 use crate::runtime::frame_faults::{Begin, FrameFaults, NEVER};
 use crate::runtime::{EventKind, Head, RunError};
 use crate::runtime::{ledger::Event as LedgerEvent, receiver::Receiver};
-use crate::wiring::{error::LoopError, vehicle_parts::attitude};
+use crate::wiring::error::{LoopError, Result};
+use crate::wiring::vehicle_parts::attitude;
 use base::axes::{Body, Rotation, Sensor};
 use base::time::{Span, Tai};
 use config::{Action, Event, link_flag};
@@ -339,7 +340,7 @@ impl FaultDesk {
     ///
     /// # Errors
     /// When the event is invalid, with the reason.
-    pub(super) fn check(&self, event: &Event) -> Result<(), LoopError> {
+    pub(super) fn check(&self, event: &Event) -> Result<()> {
         check_places(event, &self.there).map_err(|why| LoopError::Event { what: event.action.word(), why })
     }
 

@@ -216,11 +216,6 @@ impl RunMemory {
         }
     }
 
-    /// Returns the parts, unordered.
-    pub fn parts(&self) -> &[MemoryPart] {
-        &self.parts
-    }
-
     /// Returns the sum, bytes.
     pub fn total(&self) -> u64 {
         sum(self.parts.iter())
@@ -410,7 +405,7 @@ mod tests {
     #[test]
     fn ring_in_shared_memory_is_outside_the_address_space() {
         let memory = memory(4096, "[sink]\nkind = \"shared_memory\"\nslots = 64\n", REAL);
-        let ring: u64 = memory.parts().iter().filter(|part| !part.is_in_process).map(|part| part.bytes).sum();
+        let ring: u64 = memory.parts.iter().filter(|part| !part.is_in_process).map(|part| part.bytes).sum();
         assert!(ring >= 64 * 2 * 4096 * 4096);
         let limit = Available { bytes: memory.total() - ring, limit: MemoryLimit::AddressSpace };
         memory.check_against(None, Some(limit)).expect("it fits without the ring");

@@ -11,11 +11,12 @@ use crate::runtime::hygiene::{Hygiene, Role};
 use crate::runtime::real_head::{Setting, Sources};
 use crate::runtime::{RunError, RunRecord};
 use crate::runtime::{error::FarEndError, real_time::run_in};
+use crate::wiring::error::{LoopError, Result};
 use crate::wiring::steering::{FarOrder, Orders};
 use crate::wiring::verdict::{Promise, limits};
 use crate::wiring::{
-    assemble::Run, error::LoopError, far_side::FarSide, landing::Landing, replay::Recording, run_clock::RunClock,
-    run_end::RunEnd, stepped::SteppedRun,
+    assemble::Run, far_side::FarSide, landing::Landing, replay::Recording, run_clock::RunClock, run_end::RunEnd,
+    stepped::SteppedRun,
 };
 use base::clock::{Clock, Monotonic};
 use base::time::Span;
@@ -35,7 +36,7 @@ pub(super) fn fly(
     clock: &Arc<Monotonic>,
     stop: &Arc<AtomicBool>,
     progress: &mut dyn FnMut(usize, &SentFrame, &RunRecord),
-) -> Result<RunEnd, LoopError> {
+) -> Result<RunEnd> {
     let mut far = run.far_side()?;
     let notes = run.place_events(&mut far)?;
     let promise = Promise::of(&run.scenario, &run.heads);
@@ -118,7 +119,7 @@ struct Flight {
 type FarThread = JoinHandle<Result<FarSide, FarEndError>>;
 
 impl Flight {
-    fn start(self, hygiene: Option<Arc<Hygiene>>) -> Result<FarThread, LoopError> {
+    fn start(self, hygiene: Option<Arc<Hygiene>>) -> Result<FarThread> {
         let flight = move || {
             if let Some(hygiene) = hygiene {
                 hygiene.enter(Role::FarEnd);
@@ -163,7 +164,7 @@ impl Run {
         self,
         stop: &Arc<AtomicBool>,
         progress: &mut dyn FnMut(usize, &SentFrame, &RunRecord),
-    ) -> Result<RunEnd, LoopError> {
+    ) -> Result<RunEnd> {
         match self.clock.clone() {
             RunClock::Real(clock) => fly(self, &clock, stop, progress),
             RunClock::Virtual(_) => {

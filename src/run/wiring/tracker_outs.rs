@@ -10,7 +10,7 @@ use crate::runtime::tracker_out::{
     tracker_tap,
 };
 use crate::runtime::{Head, OutsideTracker};
-use crate::wiring::error::LoopError;
+use crate::wiring::error::Result;
 use crate::wiring::run_clock::{RunClock, RunTimes};
 use crate::wiring::vehicle_parts::{camera_orders, exposed_light, tracker_params};
 use base::time::{Span, Tai};
@@ -98,7 +98,7 @@ pub(super) fn tap_heads(
     heads: &mut [Head],
     start: Tai,
     folder: Option<&Path>,
-) -> Result<Vec<WaitingOut>, LoopError> {
+) -> Result<Vec<WaitingOut>> {
     let bench = &scenario.bench;
     // With a display, each head is there twice: as its tracker sees it, and for the display.
     let copies = heads.len().checked_div(bench.head_count()).unwrap_or(1);
@@ -154,7 +154,7 @@ struct Guides {
 }
 
 impl Guides {
-    fn of(&mut self, params: &TrackerParams, start: Tai) -> Result<Arc<GuideStars>, LoopError> {
+    fn of(&mut self, params: &TrackerParams, start: Tai) -> Result<Arc<GuideStars>> {
         if let Some((_, guide)) = self.made.iter().find(|(known, _)| known == params) {
             return Ok(Arc::clone(guide));
         }
@@ -186,7 +186,7 @@ impl TrackerOuts {
         bus: Option<&SimulatedBus>,
         clock: &RunClock,
         times: RunTimes,
-    ) -> Result<Self, LoopError> {
+    ) -> Result<Self> {
         let mut outs = Self::default();
         for out in waiting {
             let place = out.shared.place.clone();
@@ -291,7 +291,7 @@ fn outlet(out: &WaitingOut, bus: Option<&SimulatedBus>, clock: &RunClock) -> Res
 }
 
 /// Returns the tracker of each head, if the scenario has any; equal trackers share one list of guide stars.
-pub(super) fn outside_trackers(scenario: &Scenario, start: Tai) -> Result<Vec<Option<OutsideTracker>>, LoopError> {
+pub(super) fn outside_trackers(scenario: &Scenario, start: Tai) -> Result<Vec<Option<OutsideTracker>>> {
     let Some(OutsideTrackers { delay, tag_error, most_stars, commands }) = scenario.trackers else {
         return Ok(Vec::new());
     };

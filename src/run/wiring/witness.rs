@@ -127,7 +127,7 @@ impl Witness {
 
     /// Checks the invariants that need the end of the run.
     pub fn finish(mut self, record: &RunRecord, faults: &[FaultLine], now: Tai) -> Assessment {
-        let now_s = (now - self.assessment.zero()).s();
+        let now_s = (now - self.assessment.zero).s();
         for fault in faults {
             let lasted_s = now_s.min(fault.until_s) - fault.from_s;
             if fault.hits == 0 && lasted_s >= SHORTEST_FAULT_S {

@@ -5,7 +5,7 @@
 //!
 //! The thread of a tracker on the real clock.
 
-use crate::runtime::error::RunError;
+use crate::runtime::error::{Result, RunError};
 use crate::runtime::tracker_out::damage::{Damages, Fate};
 use crate::runtime::tracker_out::outlet::{Outlet, OutletError};
 use crate::runtime::tracker_out::shared::{OutCounts, OutShared, OutThread};
@@ -330,7 +330,7 @@ impl OutThread {
     ///
     /// # Errors
     /// When the system has no thread for it.
-    pub fn start(mut telemeter: Telemeter, clock: Arc<dyn Clock>) -> Result<Self, RunError> {
+    pub fn start(mut telemeter: Telemeter, clock: Arc<dyn Clock>) -> Result<Self> {
         let run = move || {
             let most = if telemeter.has_clients() { LISTEN_EVERY } else { LONGEST_WAIT };
             loop {

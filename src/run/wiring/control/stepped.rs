@@ -6,7 +6,7 @@ use crate::runtime::exposing::Exposing;
 use crate::runtime::ledger::{Event as LedgerEvent, EventKind};
 use crate::runtime::{Ledger, RunRecord, TrackerOutput};
 use crate::wiring::{
-    assessment::mode_name, error::LoopError, far_side::FarSide, run_clock::RunTimes, run_end::LoopView,
+    assessment::mode_name, error::Result, far_side::FarSide, run_clock::RunTimes, run_end::LoopView,
     stepped::SteppedRun,
 };
 use base::time::{Span, Tai};
@@ -161,7 +161,7 @@ impl Controlled for Stage<'_> {
 }
 
 impl Stage<'_> {
-    fn advance_to(&mut self, at: Tai) -> Result<(), LoopError> {
+    fn advance_to(&mut self, at: Tai) -> Result<()> {
         let Self { going, newest, progress, stop, .. } = self;
         going.advance_to(at, &mut |head, frame, record| {
             progress(head, frame, record);

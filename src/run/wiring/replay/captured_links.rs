@@ -1,6 +1,6 @@
 //! A capture -> the messages of its links, each through its own port, the earliest first.
 
-use super::ReplayError;
+use super::{ReplayError, Result};
 use crate::{runtime::RunError, wiring::ports::port_over};
 use base::time::{Span, Tai};
 use config::{Bench, Link as LinkSettings};
@@ -17,7 +17,7 @@ pub(super) struct Source<'a> {
 }
 
 impl Source<'_> {
-    fn open(&self) -> Result<CaptureReader<File>, ReplayError> {
+    fn open(&self) -> Result<CaptureReader<File>> {
         let refuse = |source| ReplayError::File { path: self.bus.into(), doing: "read the packets", source };
         let file = File::open(self.bus).map_err(refuse)?;
         CaptureReader::new(file).map_err(|error| self.refuse(error))
@@ -28,7 +28,7 @@ impl Source<'_> {
     }
 
     /// Returns the time of the first packet.
-    pub(super) fn first_at(&self) -> Result<Tai, ReplayError> {
+    pub(super) fn first_at(&self) -> Result<Tai> {
         let first = self.open()?.read().map_err(|error| self.refuse(error))?;
         let none = || ReplayError::Parts(format!("{}: holds no packet that could be used", self.bus.display()));
         Ok(first.ok_or_else(none)?.at)
@@ -106,12 +106,7 @@ struct CapturedLink {
 }
 
 impl CapturedLink {
-    fn open(
-        bench: &Bench,
-        settings: &LinkSettings,
-        interface: Option<u8>,
-        source: &Source<'_>,
-    ) -> Result<Self, ReplayError> {
+    fn open(bench: &Bench, settings: &LinkSettings, interface: Option<u8>, source: &Source<'_>) -> Result<Self> {
         let played = Arc::<Mutex<Played>>::default();
         let link = PlaybackLink {
             reader: source.open()?,
@@ -129,7 +124,7 @@ impl CapturedLink {
     }
 
     /// Returns when the next message arrived; `None` at the end.
-    fn arrival(&mut self) -> Result<Option<Tai>, ReplayError> {
+    fn arrival(&mut self) -> Result<Option<Tai>> {
         if self.next.is_none() && !self.is_over {
             self.next = self.port.receive_any(Tai::from_ns(i64::MAX)).map_err(RunError::from)?;
             self.is_over = self.next.is_none();
@@ -146,7 +141,7 @@ pub(super) struct CapturedLinks {
 impl CapturedLinks {
     /// Opens the capture for each link of the bench. A bench with one link takes the packets of all interfaces, because
     /// a capture by another program may give that link any number.
-    pub(super) fn open(bench: &Bench, source: &Source<'_>) -> Result<Self, ReplayError> {
+    pub(super) fn open(bench: &Bench, source: &Source<'_>) -> Result<Self> {
         let has_several = !bench.extra_links.is_empty();
         let settings = core::iter::once(&bench.link).chain(&bench.extra_links).zip(0..=u8::MAX);
         let link = |(settings, number)| CapturedLink::open(bench, settings, has_several.then_some(number), source);
@@ -158,7 +153,7 @@ impl CapturedLinks {
         &mut self,
         until: Tai,
         is_wanted: impl Fn(usize) -> bool,
-    ) -> Result<Option<(usize, Stamped<Input>)>, ReplayError> {
+    ) -> Result<Option<(usize, Stamped<Input>)>> {
         let mut earliest: Option<(Tai, usize)> = None;
         for (number, link) in self.links.iter_mut().enumerate().filter(|(number, _)| is_wanted(*number)) {
             let Some(at) = link.arrival()?.filter(|at| *at <= until) else { continue };
@@ -181,7 +176,7 @@ impl CapturedLinks {
     }
 
     /// Reads the rest, so that damage anywhere is reported. Returns the number of unsupported packets, and the damage.
-    pub(super) fn finish(mut self) -> Result<(u64, Option<String>), ReplayError> {
+    pub(super) fn finish(mut self) -> Result<(u64, Option<String>)> {
         while self.take(Tai::from_ns(i64::MAX), |_| true)?.is_some() {}
         // Every link has read the whole file.
         let Some(first) = self.links.first() else { return Ok((0, None)) };

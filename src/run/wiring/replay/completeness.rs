@@ -5,8 +5,8 @@
 //! the first number that differs. A run that was cut off has no end record; captures of earlier versions have no counts
 //! of rows. Both are replayed with a note ([`Session::doubts`]). Tests: `tests/closed_loop/replay.rs`.
 
-use super::sample_table::SAMPLES_FILE;
 use super::{FRAMES_FILE, ReplayError, RowCounts, RowReader, Session, SessionEnd, sample_table};
+use super::{Result, sample_table::SAMPLES_FILE};
 use link::capture::{CaptureError, CaptureReader};
 use std::{fs::File, path::Path};
 
@@ -14,7 +14,7 @@ use std::{fs::File, path::Path};
 ///
 /// # Errors
 /// [`ReplayError::Incomplete`] with the first number that differs, or the error of an unreadable file.
-pub(super) fn check(directory: &Path, session: &Session) -> Result<(), ReplayError> {
+pub(super) fn check(directory: &Path, session: &Session) -> Result<()> {
     let Some(end) = &session.end else { return Ok(()) };
     let bus = directory.join(&session.bus);
     compare(end, &bus, "packets", end.packets, count_packets(&bus)?)?;
@@ -31,7 +31,7 @@ pub(super) fn check(directory: &Path, session: &Session) -> Result<(), ReplayErr
     compare(end, &frames, "as the last frame's number", number(wanted.last_frame), number(got.last_frame))
 }
 
-fn compare(end: &SessionEnd, path: &Path, what: &'static str, wanted: u64, got: u64) -> Result<(), ReplayError> {
+fn compare(end: &SessionEnd, path: &Path, what: &'static str, wanted: u64, got: u64) -> Result<()> {
     // A disk that filled up may have stored more than was confirmed; the session states this.
     let is_more_than_confirmed = got > wanted && end.error.is_some();
     if got == wanted || is_more_than_confirmed {
@@ -40,7 +40,7 @@ fn compare(end: &SessionEnd, path: &Path, what: &'static str, wanted: u64, got: 
     Err(ReplayError::Incomplete { path: path.into(), what, wanted, got })
 }
 
-fn count_packets(path: &Path) -> Result<u64, ReplayError> {
+fn count_packets(path: &Path) -> Result<u64> {
     let refuse = |source| ReplayError::File { path: path.into(), doing: "read the packets", source };
     let file = File::open(path).map_err(refuse)?;
     let damaged = |source| ReplayError::Capture { path: path.into(), source };
@@ -55,7 +55,7 @@ fn count_packets(path: &Path) -> Result<u64, ReplayError> {
     Ok(packets)
 }
 
-fn count_rows(path: &Path) -> Result<RowCounts, ReplayError> {
+fn count_rows(path: &Path) -> Result<RowCounts> {
     let mut reader = RowReader::open(path)?;
     let mut counts = RowCounts::default();
     while let Some(row) = reader.read()? {

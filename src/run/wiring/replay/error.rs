@@ -6,6 +6,9 @@ use frames::sink::SinkError;
 use link::capture::CaptureError;
 use std::path::PathBuf;
 
+/// A value, or why a run cannot be captured or replayed.
+pub(super) type Result<T, E = ReplayError> = core::result::Result<T, E>;
+
 /// A capture that cannot be made or replayed.
 #[derive(Debug, thiserror::Error)]
 pub enum ReplayError {

@@ -10,7 +10,7 @@
 //! that arrived after those faults acted.
 
 use super::captured_links::{CapturedLinks, Source};
-use super::{CapturedFate, CapturedSample, Difference, DrawnFrom, FrameRow, HeadOutcome, ReplayError};
+use super::{CapturedFate, CapturedSample, Difference, DrawnFrom, FrameRow, HeadOutcome, ReplayError, Result};
 use crate::runtime::frame_faults::{Fate, FrameFaults};
 use crate::runtime::receiver::{PORTS_MAX, Receiver};
 use crate::runtime::{Exposed, Head, Imager, Ledger, Slot};
@@ -47,7 +47,7 @@ impl<'a> Replayed<'a> {
         source: &'a Source<'a>,
         real: Option<Option<CostModel>>,
         frames: Range<u32>,
-    ) -> Result<(Self, Vec<Head>), ReplayError> {
+    ) -> Result<(Self, Vec<Head>)> {
         let mut captured = |_: &Imager| real.flatten();
         let costs: Option<CostsHere<'_>> = if real.is_some() { Some(&mut captured) } else { None };
         let heads = make_heads(HeadSetting { scenario, start, costs });
@@ -87,7 +87,7 @@ impl HeadPlayback {
         replayed: &Replayed<'_>,
         (number, head): (usize, Head),
         sink: Option<Box<dyn Sink>>,
-    ) -> Result<Self, ReplayError> {
+    ) -> Result<Self> {
         let Replayed { scenario, start, zero, .. } = *replayed;
         // Alone with its receiver, it is the first head.
         let mut head = Head { engine: head.engine.of_head(0), ..head };
@@ -149,7 +149,7 @@ impl HeadPlayback {
     }
 
     /// Draws the frame of a row, and compares it with the captured result.
-    pub(super) fn row(&mut self, row: &FrameRow) -> Result<(), ReplayError> {
+    pub(super) fn row(&mut self, row: &FrameRow) -> Result<()> {
         let mut own = None;
         if let Some(DrawnFrom { messages, load, exposed }) = &row.drawn {
             self.receive_up_to(messages, row.frame)?;
@@ -187,7 +187,7 @@ impl HeadPlayback {
         }
     }
 
-    fn receive_up_to(&mut self, messages: &[u64; PORTS_MAX], frame: u32) -> Result<(), ReplayError> {
+    fn receive_up_to(&mut self, messages: &[u64; PORTS_MAX], frame: u32) -> Result<()> {
         while !self.has_run_out {
             let taken = self.receiver.messages_by_port();
             let is_wanted = |link: usize| {
@@ -217,7 +217,7 @@ impl HeadPlayback {
 
     /// Takes in everything that arrived by the release of a slot, and draws it; returns false when the capture ended
     /// before.
-    pub(super) fn draw_at_release(&mut self, number: u32) -> Result<bool, ReplayError> {
+    pub(super) fn draw_at_release(&mut self, number: u32) -> Result<bool> {
         let slot = self.head.engine.slot(number);
         while let Some((link, message)) = self.links.take(slot.release, |_| true)? {
             self.receiver.accept_input(link, &message, &mut self.ledger);
@@ -237,7 +237,7 @@ impl HeadPlayback {
     }
 
     /// Draws the frame of a row with the faults that it went out with; returns its checksum.
-    fn draw_as_captured(&mut self, row: &FrameRow, exposed: Option<&Exposed>) -> Result<Option<u32>, ReplayError> {
+    fn draw_as_captured(&mut self, row: &FrameRow, exposed: Option<&Exposed>) -> Result<Option<u32>> {
         let slot = self.head.engine.exposing.repeat(row.frame, exposed);
         let Some(fate) = self.expose(slot)? else { return Ok(None) };
         let went_out = matches!(row.fate, CapturedFate::Sent | CapturedFate::Late);
@@ -255,7 +255,7 @@ impl HeadPlayback {
     }
 
     /// Draws a slot; returns `None`, and notes a doubt, when it has no attitude.
-    fn expose(&mut self, slot: Slot) -> Result<Option<Fate>, ReplayError> {
+    fn expose(&mut self, slot: Slot) -> Result<Option<Fate>> {
         let Self { head, receiver, faults, ledger, frame, .. } = self;
         faults.place_injected_before(slot.release, head, receiver)?;
         let drawn = head.draw(slot, receiver, ledger, frame)?;
@@ -270,7 +270,7 @@ impl HeadPlayback {
         self.head.faults.spoil(fate, &mut self.frame);
     }
 
-    fn hand_on(&mut self) -> Result<(), ReplayError> {
+    fn hand_on(&mut self) -> Result<()> {
         self.outcome.drawn += 1;
         if let Some(sink) = &mut self.sink {
             sink.send(&self.frame)?;
@@ -279,7 +279,7 @@ impl HeadPlayback {
     }
 
     /// Finishes the head; returns its result, the number of unsupported packets, and the doubts.
-    pub(super) fn finish(mut self) -> Result<(HeadOutcome, u64, Vec<String>), ReplayError> {
+    pub(super) fn finish(mut self) -> Result<(HeadOutcome, u64, Vec<String>)> {
         if let Some(sink) = &mut self.sink {
             sink.finish()?;
         }
@@ -325,17 +325,12 @@ impl HeadFaults {
         start: Tai,
         head: &mut Head,
         receiver: &mut Receiver,
-    ) -> Result<(), ReplayError> {
+    ) -> Result<()> {
         in_order_of_placing(events).try_for_each(|event| self.place(event, start, head, receiver))
     }
 
     /// Places the events that came before `at`, when a frame is drawn.
-    pub(super) fn place_injected_before(
-        &mut self,
-        at: Tai,
-        head: &mut Head,
-        receiver: &mut Receiver,
-    ) -> Result<(), ReplayError> {
+    pub(super) fn place_injected_before(&mut self, at: Tai, head: &mut Head, receiver: &mut Receiver) -> Result<()> {
         while let Some((came, event)) = self.injected.front().copied().filter(|(came, _)| *came < at) {
             self.injected.pop_front();
             self.place(&event, came, head, receiver)?;
@@ -343,7 +338,7 @@ impl HeadFaults {
         Ok(())
     }
 
-    fn place(&mut self, event: &Event, now: Tai, head: &mut Head, receiver: &mut Receiver) -> Result<(), ReplayError> {
+    fn place(&mut self, event: &Event, now: Tai, head: &mut Head, receiver: &mut Receiver) -> Result<()> {
         self.desk.check(event).map_err(|error| ReplayError::Parts(error.to_string()))?;
         let mut frames: Vec<&mut FrameFaults> = self.of_heads.iter_mut().collect();
         frames[self.head] = &mut head.faults;

@@ -6,7 +6,7 @@
 //!
 //! Numbers of `session.json`, which are stored as text, and the refusal of a value there.
 
-use super::{ReplayError, SESSION_FILE};
+use super::{ReplayError, Result, SESSION_FILE};
 use base::time::Span;
 use config::Event;
 use serde::{Deserialize, Serialize};
@@ -29,7 +29,7 @@ impl KeptEvent {
     }
 
     /// Returns the event.
-    pub(super) fn event(&self) -> Result<Event, ReplayError> {
+    pub(super) fn event(&self) -> Result<Event> {
         let mut keys = Map::new();
         for (key, value) in &self.keys {
             let value = if key == WORD { value.clone() } else { as_number(key, value)? };
@@ -57,7 +57,7 @@ impl Injected {
     }
 
     /// Returns the time of injection after the first exposure, and the event.
-    pub(super) fn event(&self) -> Result<(Span, Event), ReplayError> {
+    pub(super) fn event(&self) -> Result<(Span, Event)> {
         Ok((Span::from_s(number("injected.came_s", &self.came_s)?), self.event.event()?))
     }
 }
@@ -72,7 +72,7 @@ fn as_text(value: &Value) -> Value {
 }
 
 /// Converts the text in a value to numbers.
-fn as_number(key: &str, value: &Value) -> Result<Value, ReplayError> {
+fn as_number(key: &str, value: &Value) -> Result<Value> {
     Ok(match value {
         Value::String(text) => number(key, text)?.into(),
         Value::Array(values) => values.iter().map(|value| as_number(key, value)).collect::<Result<_, _>>()?,
@@ -86,7 +86,7 @@ pub(super) fn exact(value: f64) -> String {
 }
 
 /// Returns the finite number that a text is.
-pub(super) fn number(name: &str, text: &str) -> Result<f64, ReplayError> {
+pub(super) fn number(name: &str, text: &str) -> Result<f64> {
     let value = text.parse().ok().filter(|value: &f64| value.is_finite());
     value.ok_or_else(|| wrong(name, text, "a finite number"))
 }

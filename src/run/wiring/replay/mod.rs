@@ -38,6 +38,7 @@ mod session;
 mod table_lines;
 
 pub use error::ReplayError;
+use error::Result;
 pub use injected::{Injected, KeptEvent};
 pub use playback::{Difference, HeadOutcome, ReplayOptions, ReplayOutcome, SinkOfHead, replay_bus, replay_session};
 pub use recording::{Recording, SampleTap};

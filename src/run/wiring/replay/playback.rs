@@ -4,7 +4,7 @@
 
 use super::head_playback::{HeadPlayback, Replayed};
 use super::{FRAMES_FILE, ReplayError, RowReader, Session, completeness, sample_table};
-use super::{captured_links::Source, rows::RowsOfHead};
+use super::{Result, captured_links::Source, rows::RowsOfHead};
 use crate::runtime::Head;
 use config::Scenario;
 use core::ops::Range;
@@ -48,7 +48,7 @@ impl ReplayOutcome {
         self.heads.iter().filter_map(|head| head.first).min_by_key(|first| (first.frame, first.head))
     }
 
-    fn add(&mut self, playback: HeadPlayback) -> Result<(), ReplayError> {
+    fn add(&mut self, playback: HeadPlayback) -> Result<()> {
         let (head, skipped, doubts) = playback.finish()?;
         self.heads.push(head);
         self.skipped_packets = skipped;
@@ -75,7 +75,7 @@ pub struct ReplayOptions {
 
 impl ReplayOptions {
     /// Returns the selected heads with their numbers; the others are dropped.
-    fn wanted(&self, heads: Vec<Head>) -> Result<Vec<(usize, Head)>, ReplayError> {
+    fn wanted(&self, heads: Vec<Head>) -> Result<Vec<(usize, Head)>> {
         let count = heads.len();
         match self.head.filter(|head| *head >= count) {
             Some(head) => Err(ReplayError::NoSuchHead { head, heads: count }),
@@ -99,11 +99,7 @@ pub type SinkOfHead<'a> = &'a mut dyn FnMut(Option<usize>) -> Result<Option<Box<
 ///
 /// # Errors
 /// When a file of the capture cannot be used, or drawing fails.
-pub fn replay_session(
-    directory: &Path,
-    options: &ReplayOptions,
-    sink: SinkOfHead<'_>,
-) -> Result<ReplayOutcome, ReplayError> {
+pub fn replay_session(directory: &Path, options: &ReplayOptions, sink: SinkOfHead<'_>) -> Result<ReplayOutcome> {
     let session = Session::read(directory)?;
     completeness::check(directory, &session)?;
     session.check_data()?;
@@ -148,7 +144,7 @@ pub fn replay_bus(
     scenario: &Scenario,
     options: &ReplayOptions,
     sink: SinkOfHead<'_>,
-) -> Result<ReplayOutcome, ReplayError> {
+) -> Result<ReplayOutcome> {
     let source = Source { bus, takes_sent: true };
     let (start, frames) = (source.first_at()?, options.frames());
     let (replayed, heads) = Replayed::with_heads(scenario, start, &source, None, frames)?;

@@ -15,7 +15,7 @@
 //! counted.
 
 use super::{FRAMES_FILE, ReplayError, SESSION_FILE, Session, SessionEnd};
-use super::{injected::Injected, row_writer::RowWriter, sample_table::SampleWriter, session::SessionParams};
+use super::{Result, injected::Injected, row_writer::RowWriter, sample_table::SampleWriter, session::SessionParams};
 use crate::runtime::{FrameEngine, PlantSample, frame_marks};
 use base::time::{Span, Tai};
 use config::{DeadlinePolicy, Event};
@@ -57,7 +57,7 @@ impl Recording {
     ///
     /// # Errors
     /// When the directory holds a capture already, or a file cannot be written.
-    pub fn start(directory: &Path, format: CaptureFormat, params: &SessionParams<'_>) -> Result<Self, ReplayError> {
+    pub fn start(directory: &Path, format: CaptureFormat, params: &SessionParams<'_>) -> Result<Self> {
         let refuse = |path: &Path, doing| {
             let path = path.to_path_buf();
             move |source| ReplayError::File { path, doing, source }
@@ -115,7 +115,7 @@ impl Recording {
     ///
     /// # Errors
     /// When the session cannot be written.
-    pub fn finish(self, messages_lost: u64) -> Result<Session, ReplayError> {
+    pub fn finish(self, messages_lost: u64) -> Result<Session> {
         let (packets, rows) = (self.capture.finish(), self.rows.finish());
         let samples = self.samples.map(|tap| tap.lock().finish());
         let (samples, samples_error) = samples.map_or((None, None), |(count, error)| (Some(count), error));

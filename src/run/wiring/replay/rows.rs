@@ -19,7 +19,7 @@
 //! the event that started it, time of its trigger (TAI in ns; empty: none), and `left:top:width:height` of each region
 //! with `+` between them. Empty: an exposure by the frame rate with the camera's own settings.
 
-use super::{ReplayError, table_lines::TableLines};
+use super::{Result, table_lines::TableLines};
 use crate::runtime::receiver::PORTS_MAX;
 use crate::runtime::{Exposed, Started};
 use base::time::{Span, Tai};
@@ -233,7 +233,7 @@ impl RowReader<BufReader<File>> {
     ///
     /// # Errors
     /// When it cannot be read, or is not a table of frames.
-    pub fn open(path: &Path) -> Result<Self, ReplayError> {
+    pub fn open(path: &Path) -> Result<Self> {
         Self::of(TableLines::open(path, DOING, ROW_MAX)?)
     }
 }
@@ -243,11 +243,11 @@ impl<R: BufRead> RowReader<R> {
     ///
     /// # Errors
     /// When its first line is not that of a table of frames.
-    pub fn new(source: R, path: &Path) -> Result<Self, ReplayError> {
+    pub fn new(source: R, path: &Path) -> Result<Self> {
         Self::of(TableLines::new(source, path, DOING, ROW_MAX))
     }
 
-    fn of(mut lines: TableLines<R>) -> Result<Self, ReplayError> {
+    fn of(mut lines: TableLines<R>) -> Result<Self> {
         let text = lines.read()?.unwrap_or_default();
         let refuse = || lines.refuse(WANTED_HEADER, &text);
         let form = RowForm::of_header(&text).ok_or_else(refuse)?;
@@ -263,7 +263,7 @@ impl<R: BufRead> RowReader<R> {
     ///
     /// # Errors
     /// When the line is not a valid row.
-    pub fn read(&mut self) -> Result<Option<FrameRow>, ReplayError> {
+    pub fn read(&mut self) -> Result<Option<FrameRow>> {
         let Some(text) = self.lines.read()? else { return Ok(None) };
         FrameRow::parse(&text, self.form).map(Some).map_err(|why| self.lines.refuse(why, &text))
     }
@@ -292,7 +292,7 @@ impl<R: BufRead> RowsOfHead<R> {
     }
 
     /// Returns the next row; `None` at the end.
-    pub(super) fn read(&mut self) -> Result<Option<FrameRow>, ReplayError> {
+    pub(super) fn read(&mut self) -> Result<Option<FrameRow>> {
         loop {
             let first = self.waiting.first_key_value().map(|((frame, _), _)| *frame);
             if self.is_over || first.is_some_and(|frame| frame.saturating_add(ORDER_FRAMES) <= self.newest) {

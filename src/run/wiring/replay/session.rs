@@ -6,7 +6,7 @@
 //! read.
 
 use super::injected::{Injected, KeptEvent, exact, number, wrong};
-use super::{ReplayError, RowCounts, SESSION_FILE};
+use super::{ReplayError, Result, RowCounts, SESSION_FILE};
 use base::{input_file::read_text, time::Tai};
 use config::{Backend, Document, Event, PackedDocuments, Scenario, Setting};
 use frames::sink::replace_own_file;
@@ -116,7 +116,7 @@ impl Session {
     ///
     /// # Errors
     /// When a file that the run file names cannot be read, or it does not check.
-    pub fn new(params: &SessionParams<'_>, format: CaptureFormat) -> Result<Self, ReplayError> {
+    pub fn new(params: &SessionParams<'_>, format: CaptureFormat) -> Result<Self> {
         let bus = match format {
             CaptureFormat::Candump => "bus.log",
             CaptureFormat::Pcapng => "bus.pcapng",
@@ -149,7 +149,7 @@ impl Session {
     ///
     /// # Errors
     /// When it cannot be written.
-    pub fn write(&self, directory: &Path) -> Result<(), ReplayError> {
+    pub fn write(&self, directory: &Path) -> Result<()> {
         let path = directory.join(SESSION_FILE);
         let refuse = |why: serde_json::Error| ReplayError::Session { path: path.clone(), why: why.to_string() };
         let text = serde_json::to_string_pretty(self).map_err(refuse)?;
@@ -161,7 +161,7 @@ impl Session {
     ///
     /// # Errors
     /// When it cannot be read, is damaged, or has another form.
-    pub fn read(directory: &Path) -> Result<Self, ReplayError> {
+    pub fn read(directory: &Path) -> Result<Self> {
         let path = directory.join(SESSION_FILE);
         let refuse = |source| ReplayError::File { path: path.clone(), doing: "read the session", source };
         let text = read_text(&path, FILE_MAX).map_err(refuse)?;
@@ -184,7 +184,7 @@ impl Session {
     ///
     /// # Errors
     /// When one cannot be read or written.
-    pub fn keep_data(&mut self, directory: &Path) -> Result<(), ReplayError> {
+    pub fn keep_data(&mut self, directory: &Path) -> Result<()> {
         Ok(self.run_file.keep_data(directory)?)
     }
 
@@ -192,7 +192,7 @@ impl Session {
     ///
     /// # Errors
     /// The first file that is missing or changed.
-    pub fn check_data(&self) -> Result<(), ReplayError> {
+    pub fn check_data(&self) -> Result<()> {
         Ok(self.run_file.check_data()?)
     }
 
@@ -202,7 +202,7 @@ impl Session {
     }
 
     /// Returns the run file, checked with the run's duration.
-    fn checked(&self) -> Result<Scenario, ReplayError> {
+    fn checked(&self) -> Result<Scenario> {
         let document = Document::packed(self.run_file.clone())?;
         let settings: Vec<Setting> = self.settings.iter().map(|text| Setting::parse(text)).collect::<Result<_, _>>()?;
         let duration_s = number("duration_s", &self.duration_s)?;
@@ -210,7 +210,7 @@ impl Session {
     }
 
     /// Returns the events of the run that are not in its file.
-    fn events_beyond_file(&self, events: &[Event]) -> Result<Vec<KeptEvent>, ReplayError> {
+    fn events_beyond_file(&self, events: &[Event]) -> Result<Vec<KeptEvent>> {
         let (mut of_file, mut added) = (self.checked()?.events, Vec::new());
         for event in events {
             match of_file.iter().position(|known| known == event) {
@@ -225,7 +225,7 @@ impl Session {
     ///
     /// # Errors
     /// When it is no longer valid, or a number cannot be parsed.
-    pub fn scenario(&self) -> Result<Scenario, ReplayError> {
+    pub fn scenario(&self) -> Result<Scenario> {
         let mut scenario = self.checked()?;
         let bench = &mut scenario.bench;
         bench.timing.duration_s = number("duration_s", &self.duration_s)?;
@@ -248,7 +248,7 @@ impl Session {
     ///
     /// # Errors
     /// When a number cannot be parsed or is missing.
-    pub fn cost(&self) -> Result<Option<CostModel>, ReplayError> {
+    pub fn cost(&self) -> Result<Option<CostModel>> {
         let Some(texts) = &self.cost else { return Ok(None) };
         let mut numbers = serde_json::Map::new();
         for (name, text) in texts {

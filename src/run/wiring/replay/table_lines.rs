@@ -1,6 +1,6 @@
 //! Reads a table of a captured run line by line: complete lines only, none beyond a length.
 
-use super::ReplayError;
+use super::{ReplayError, Result};
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -19,7 +19,7 @@ pub(super) struct TableLines<R> {
 
 impl TableLines<BufReader<File>> {
     /// Opens the file.
-    pub(super) fn open(path: &Path, doing: &'static str, most: (u64, &'static str)) -> Result<Self, ReplayError> {
+    pub(super) fn open(path: &Path, doing: &'static str, most: (u64, &'static str)) -> Result<Self> {
         let refuse = |source| ReplayError::File { path: path.into(), doing, source };
         Ok(Self::new(BufReader::new(File::open(path).map_err(refuse)?), path, doing, most))
     }
@@ -42,7 +42,7 @@ impl<R: BufRead> TableLines<R> {
     }
 
     /// Returns the next line without its end; `None` at the end of the file.
-    pub(super) fn read(&mut self) -> Result<Option<String>, ReplayError> {
+    pub(super) fn read(&mut self) -> Result<Option<String>> {
         let (most, too_long) = self.most;
         let mut bytes = Vec::new();
         self.line += 1;
