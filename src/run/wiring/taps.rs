@@ -9,7 +9,7 @@ use crate::wiring::replay::{Recording, ReplayError, SessionParams};
 use crate::wiring::{run_clock::RunClock, run_end::RunEnd};
 use anyhow::{Context, Result};
 use base::clock::{Clock, Monotonic};
-use base::time::Tai;
+use base::{refused::Refused, time::Tai};
 use config::{Bench, Document, Scenario};
 use frames::report::Stage;
 use frames::sink::{NullSink, Tee};
@@ -68,7 +68,7 @@ impl CaptureOptions<'_> {
         clock: &RunClock,
         heads: &mut [Head],
     ) -> Result<Recording, ReplayError> {
-        let Some(first) = heads.first() else { return Err(ReplayError::Parts("a run without a head".into())) };
+        let Some(first) = heads.first() else { return Err(Refused("a run without a head".into()).into()) };
         let params = SessionParams {
             document: self.document,
             settings: self.settings,

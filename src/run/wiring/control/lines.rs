@@ -1,6 +1,4 @@
 //! Lines over TCP: bounded lines, other protocols recognised, and checks for Ctrl-C while waiting.
-//!
-//! Errors of the control socket.
 
 use crate::wiring::control::protocol::LINE_BYTES_MAX;
 use core::{fmt, str::FromStr, time::Duration};
@@ -8,7 +6,6 @@ use link::gateway::{Foreign, Screen};
 use serde_json::Value;
 use std::io::{ErrorKind, Read, Write};
 use std::net::{Ipv4Addr, SocketAddr, TcpStream};
-use std::path::PathBuf;
 
 /// Interval at which a wait checks for Ctrl-C.
 pub(super) const LOOK: Duration = Duration::from_millis(50);
@@ -184,31 +181,4 @@ impl LineSocket {
 
 fn is_wait(kind: ErrorKind) -> bool {
     matches!(kind, ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted)
-}
-
-/// Why the control socket cannot be used.
-#[derive(Debug, thiserror::Error)]
-pub enum ControlError {
-    /// The address cannot be listened on.
-    #[error("control socket: cannot listen on {address} ({source}); port 0 takes any free one")]
-    Listen {
-        /// The address.
-        address: ControlAddress,
-        /// Error of the operating system.
-        source: std::io::Error,
-    },
-    /// The system has no random numbers.
-    #[error("control socket: no random numbers for a token: {source}")]
-    Random {
-        /// Error of the operating system.
-        source: std::io::Error,
-    },
-    /// The token cannot be written.
-    #[error("control socket: cannot write the token to {} ({source})", path.display())]
-    TokenFile {
-        /// Its file.
-        path: PathBuf,
-        /// Error of the operating system.
-        source: std::io::Error,
-    },
 }

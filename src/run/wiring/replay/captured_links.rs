@@ -18,19 +18,18 @@ pub(super) struct Source<'a> {
 
 impl Source<'_> {
     fn open(&self) -> Result<CaptureReader<File>> {
-        let refuse = |source| ReplayError::File { path: self.bus.into(), doing: "read the packets", source };
-        let file = File::open(self.bus).map_err(refuse)?;
+        let file = File::open(self.bus).map_err(ReplayError::file(self.bus, "read the packets"))?;
         CaptureReader::new(file).map_err(|error| self.refuse(error))
     }
 
-    fn refuse(&self, source: CaptureError) -> ReplayError {
-        ReplayError::Capture { path: self.bus.into(), source }
+    fn refuse(&self, error: CaptureError) -> ReplayError {
+        ReplayError::at(self.bus, error)
     }
 
     /// Returns the time of the first packet.
     pub(super) fn first_at(&self) -> Result<Tai> {
         let first = self.open()?.read().map_err(|error| self.refuse(error))?;
-        let none = || ReplayError::Parts(format!("{}: holds no packet that could be used", self.bus.display()));
+        let none = || ReplayError::at(self.bus, "holds no packet that could be used");
         Ok(first.ok_or_else(none)?.at)
     }
 }

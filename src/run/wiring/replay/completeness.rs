@@ -13,7 +13,7 @@ use std::{fs::File, path::Path};
 /// Refuses a capture whose content differs from its end record.
 ///
 /// # Errors
-/// [`ReplayError::Incomplete`] with the first number that differs, or the error of an unreadable file.
+/// The first number that differs, or an unreadable file.
 pub(super) fn check(directory: &Path, session: &Session) -> Result<()> {
     let Some(end) = &session.end else { return Ok(()) };
     let bus = directory.join(&session.bus);
@@ -37,13 +37,16 @@ fn compare(end: &SessionEnd, path: &Path, what: &'static str, wanted: u64, got: 
     if got == wanted || is_more_than_confirmed {
         return Ok(());
     }
-    Err(ReplayError::Incomplete { path: path.into(), what, wanted, got })
+    let why = format!(
+        "holds {got} {what}, wanted {wanted} as its end record (session.json) states: the capture was cut short or changed; \
+         wanted the whole directory as the run left it: copy it again"
+    );
+    Err(ReplayError::at(path, why))
 }
 
 fn count_packets(path: &Path) -> Result<u64> {
-    let refuse = |source| ReplayError::File { path: path.into(), doing: "read the packets", source };
-    let file = File::open(path).map_err(refuse)?;
-    let damaged = |source| ReplayError::Capture { path: path.into(), source };
+    let file = File::open(path).map_err(ReplayError::file(path, "read the packets"))?;
+    let damaged = |error| ReplayError::at(path, error);
     let mut reader = match CaptureReader::new(file) {
         Err(CaptureError::Empty) => return Ok(0),
         reader => reader.map_err(damaged)?,

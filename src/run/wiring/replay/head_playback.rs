@@ -10,12 +10,13 @@
 //! that arrived after those faults acted.
 
 use super::captured_links::{CapturedLinks, Source};
-use super::{CapturedFate, CapturedSample, Difference, DrawnFrom, FrameRow, HeadOutcome, ReplayError, Result};
+use super::{CapturedFate, CapturedSample, Difference, DrawnFrom, FrameRow, HeadOutcome, Result};
 use crate::runtime::frame_faults::{Fate, FrameFaults};
 use crate::runtime::receiver::{PORTS_MAX, Receiver};
 use crate::runtime::{Exposed, Head, Imager, Ledger, Slot};
 use crate::wiring::faults::{FaultDesk, Inventory, in_order_of_placing, make_ready};
 use crate::wiring::heads::{CostsHere, HeadSetting, make_heads, make_receiver, size_of};
+use base::refused::Refused;
 use base::time::{Span, Tai};
 use config::{Event, Scenario};
 use core::ops::Range;
@@ -51,7 +52,7 @@ impl<'a> Replayed<'a> {
         let mut captured = |_: &Imager| real.flatten();
         let costs: Option<CostsHere<'_>> = if real.is_some() { Some(&mut captured) } else { None };
         let heads = make_heads(HeadSetting { scenario, start, costs });
-        let heads = heads.map_err(|error| ReplayError::Parts(format!("{error:#}")))?;
+        let heads = heads.map_err(|error| Refused(format!("{error:#}")))?;
         let there = Inventory {
             heads: heads.iter().map(size_of).collect(),
             wheels: scenario.vehicle().map(|vehicle| vehicle.spacecraft.params.wheels.len()),
@@ -92,7 +93,7 @@ impl HeadPlayback {
         // Alone with its receiver, it is the first head.
         let mut head = Head { engine: head.engine.of_head(0), ..head };
         let receiver = make_receiver(scenario, core::slice::from_ref(&head));
-        let mut receiver = receiver.map_err(|error| ReplayError::Parts(format!("{error:#}")))?;
+        let mut receiver = receiver.map_err(|error| Refused(format!("{error:#}")))?;
         let there = replayed.there.clone();
         let heads = there.heads.len();
         // Faults of the bus have no effect in a replay.
@@ -339,7 +340,7 @@ impl HeadFaults {
     }
 
     fn place(&mut self, event: &Event, now: Tai, head: &mut Head, receiver: &mut Receiver) -> Result<()> {
-        self.desk.check(event).map_err(|error| ReplayError::Parts(error.to_string()))?;
+        self.desk.check(event).map_err(Refused::of)?;
         let mut frames: Vec<&mut FrameFaults> = self.of_heads.iter_mut().collect();
         frames[self.head] = &mut head.faults;
         self.desk.place(event, now, frames);

@@ -11,6 +11,7 @@ use base::time::Span;
 use config::Event;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
+use std::path::Path;
 
 /// The key whose text is a word and not a number.
 const WORD: &str = "do";
@@ -93,7 +94,7 @@ pub(super) fn number(name: &str, text: &str) -> Result<f64> {
 
 /// Returns the refusal of a value.
 pub(super) fn wrong(name: &str, got: &str, wanted: &str) -> ReplayError {
-    ReplayError::Session { path: SESSION_FILE.into(), why: format!("{name} is \"{got}\", wanted {wanted}") }
+    ReplayError::at(Path::new(SESSION_FILE), format!("{name} is \"{got}\", wanted {wanted}"))
 }
 
 #[cfg(test)]

@@ -3,9 +3,10 @@
 //! The result of the replay of one head.
 
 use super::head_playback::{HeadPlayback, Replayed};
-use super::{FRAMES_FILE, ReplayError, RowReader, Session, completeness, sample_table};
+use super::{FRAMES_FILE, RowReader, Session, completeness, sample_table};
 use super::{Result, captured_links::Source, rows::RowsOfHead};
 use crate::runtime::Head;
+use base::refused::Refused;
 use config::Scenario;
 use core::ops::Range;
 use frames::sink::{Sink, SinkError};
@@ -78,7 +79,10 @@ impl ReplayOptions {
     fn wanted(&self, heads: Vec<Head>) -> Result<Vec<(usize, Head)>> {
         let count = heads.len();
         match self.head.filter(|head| *head >= count) {
-            Some(head) => Err(ReplayError::NoSuchHead { head, heads: count }),
+            Some(head) => {
+                let wanted = format!("wanted a number from 0 to {}", count - 1);
+                Err(Refused(format!("--head {head}: the run has {count}; {wanted}")).into())
+            }
             None => {
                 let is_wanted = |number: usize| self.head.is_none_or(|head| head == number);
                 Ok(heads.into_iter().enumerate().filter(|(number, _)| is_wanted(*number)).collect())

@@ -59,7 +59,7 @@ impl Shared {
 impl RowWriter {
     /// Starts the file of a run with this many links; `waits`: frames wait for the writer, on the virtual clock.
     pub(super) fn create(path: &Path, links: usize, waits: bool) -> Result<Self> {
-        let refuse = |source| ReplayError::File { path: path.into(), doing: "write the frames", source };
+        let refuse = ReplayError::file(path, "write the frames");
         let mut out = BufWriter::new(File::create_new(path).map_err(refuse)?);
         writeln!(out, "{HEADER}").and_then(|()| out.flush()).map_err(refuse)?;
         Self::start(Box::new(out), links, waits).map_err(refuse)

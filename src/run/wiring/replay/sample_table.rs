@@ -8,7 +8,7 @@
 
 use super::{ReplayError, Result, table_lines::TableLines};
 use crate::runtime::{PlantAttitude, PlantSample};
-use base::{axes::Rotation, time::Tai};
+use base::{axes::Rotation, refused::Refused, time::Tai};
 use glam::DVec3;
 use sky::observer::BarycentricState;
 use std::io::{BufRead, BufReader, BufWriter, Write};
@@ -40,7 +40,7 @@ impl SampleWriter {
     /// Starts the file; on the real clock every row has its arrival.
     pub(super) fn create(directory: &Path, is_real: bool) -> Result<Self> {
         let path = directory.join(SAMPLES_FILE);
-        let refuse = |source| ReplayError::File { path: path.clone(), doing: "write the samples", source };
+        let refuse = ReplayError::file(&path, "write the samples");
         let mut out = BufWriter::new(File::create_new(&path).map_err(refuse)?);
         writeln!(out, "{}", if is_real { HEADER_REAL } else { HEADER }).and_then(|()| out.flush()).map_err(refuse)?;
         Ok(Self { out, is_real, rows: 0, error: None })
@@ -227,7 +227,7 @@ pub(super) fn read_all(directory: &Path) -> Result<Samples> {
     let twice = samples.iter().zip(samples.iter().skip(1)).find(|(one, next)| key(one) == key(next));
     if let Some((first, _)) = twice {
         let (why, text) = ("a part of this instant is there twice; wanted it once", first.sample.at.to_rfc3339());
-        return Err(ReplayError::Row { path, line: 0, why, text });
+        return Err(Refused(format!("{}:0: {why}; got \"{text}\"", path.display())).into());
     }
     Ok(Samples { samples, is_cut_off: reader.is_cut_off() })
 }

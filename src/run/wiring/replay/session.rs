@@ -151,8 +151,7 @@ impl Session {
     /// When it cannot be written.
     pub fn write(&self, directory: &Path) -> Result<()> {
         let path = directory.join(SESSION_FILE);
-        let refuse = |why: serde_json::Error| ReplayError::Session { path: path.clone(), why: why.to_string() };
-        let text = serde_json::to_string_pretty(self).map_err(refuse)?;
+        let text = serde_json::to_string_pretty(self).map_err(|why| ReplayError::at(&path, why))?;
         replace_own_file(&path, |out| out.write_all(text.as_bytes()))?;
         Ok(())
     }
@@ -163,9 +162,8 @@ impl Session {
     /// When it cannot be read, is damaged, or has another form.
     pub fn read(directory: &Path) -> Result<Self> {
         let path = directory.join(SESSION_FILE);
-        let refuse = |source| ReplayError::File { path: path.clone(), doing: "read the session", source };
-        let text = read_text(&path, FILE_MAX).map_err(refuse)?;
-        let damaged = |why: String| ReplayError::Session { path: path.clone(), why };
+        let text = read_text(&path, FILE_MAX).map_err(ReplayError::file(&path, "read the session"))?;
+        let damaged = |why: String| ReplayError::at(&path, why);
         let mut session: Self = serde_json::from_str(&text)
             .map_err(|error| damaged(format!("{error}; wanted the session of a captured run")))?;
         if !FORMS_READ.contains(&session.form) {
