@@ -21,6 +21,7 @@ use base::time::Span;
 use base::units::{ARCSEC, DEG};
 use plan::exposure::PsfSampling;
 use plan::optics::{Band, BandRadiometry, Illumination, StarLight};
+use sky::astrometry::{AstrometryError, CameraGeometry};
 use std::path::Path;
 
 /// An exposure that fits every frame rate, s.
@@ -155,6 +156,14 @@ impl Camera {
             defaulted,
         };
         Ok((camera, named_errors))
+    }
+
+    /// Returns the geometry of its image.
+    ///
+    /// # Errors
+    /// When the distortion folds the image.
+    pub fn geometry(&self) -> Result<CameraGeometry, AstrometryError> {
+        self.distortion.geometry(&self.detector, &self.optics)
     }
 
     /// Returns columns and rows of its images.

@@ -15,26 +15,15 @@ pub(super) fn check_event_places(
     check: &Checker<'_>,
 ) -> Result<()> {
     let heads = bench.head_count();
-    match event.action {
-        Action::Frame { head, fault } => {
-            check_number(&format!("{key}.head"), head, heads, "camera heads", check)?;
-            let hit = (0..heads).filter(|number| head.is_none_or(|head| head == *number));
-            hit.map(|number| bench.of_head(number)).try_for_each(|head| check_fault(fault, key, &head, check))
-        }
-        Action::Aboard(VehicleFault::TrackerOff(head)) => {
-            check_number(&format!("{key}.head"), head, heads, "camera heads", check)
-        }
-        Action::Aboard(VehicleFault::WheelFailure(wheel)) => {
-            check_number(&format!("{key}.wheel"), Some(wheel), wheels.unwrap_or(0), "wheels", check)
-        }
-        Action::Aboard(_)
-        | Action::Slew(_)
-        | Action::Safe
-        | Action::Resume
-        | Action::Bus(_)
-        | Action::BusBackLoss { .. }
-        | Action::Trigger { .. } => Ok(()),
+    if let Action::Frame { head, .. } | Action::Aboard(VehicleFault::TrackerOff(head)) = event.action {
+        check_number(&format!("{key}.head"), head, heads, "camera heads", check)?;
     }
+    if let Action::Aboard(VehicleFault::WheelFailure(wheel)) = event.action {
+        check_number(&format!("{key}.wheel"), Some(wheel), wheels.unwrap_or(0), "wheels", check)?;
+    }
+    let Action::Frame { head, fault } = event.action else { return Ok(()) };
+    let hit = (0..heads).filter(|number| head.is_none_or(|head| head == *number));
+    hit.map(|number| bench.of_head(number)).try_for_each(|head| check_fault(fault, key, &head, check))
 }
 
 fn check_number(key: &str, number: Option<usize>, count: usize, what: &str, check: &Checker<'_>) -> Result<()> {

@@ -39,17 +39,9 @@ pub struct Optics {
 /// checked.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Distortion {
-    /// Radial, r^2.
-    pub k1: f64,
-    /// Radial, r^4.
-    pub k2: f64,
-    /// Radial, r^6.
-    pub k3: f64,
-    /// Tangential.
-    pub p1: f64,
-    /// Tangential.
-    pub p2: f64,
-    /// In place of all these.
+    /// Coefficients; all 0 with a polynomial.
+    pub coefficients: BrownConrady,
+    /// The polynomial, in place of coefficients.
     pub polynomial: Option<PolynomialDistortion>,
 }
 
@@ -130,6 +122,24 @@ fn principal_point(given: &Given<'_, [f64; 2]>, centre: [f64; 2], check: &mut Ch
 }
 
 impl Distortion {
+    /// Returns the geometry of a camera with this distortion.
+    ///
+    /// # Errors
+    /// When the distortion folds the image.
+    pub(super) fn geometry(&self, detector: &Detector, optics: &Optics) -> Result<CameraGeometry, AstrometryError> {
+        let parameters = CameraParameters {
+            width_px: detector.width_px as usize,
+            height_px: detector.height_px as usize,
+            focal_px: [optics.focal_length_mm * 1e3 / detector.pixel_pitch_um; 2],
+            principal_point_px: optics.principal_point_px,
+            distortion: self.coefficients,
+        };
+        match self.polynomial {
+            None => CameraGeometry::new(parameters),
+            Some(polynomial) => CameraGeometry::with_polynomial(parameters, polynomial),
+        }
+    }
+
     /// Reads the distortion; zero without keys. Coefficients must be finite and small enough to be a lens.
     pub(super) fn check(keys: &DistortionKeys, check: &mut Checker<'_>) -> Result<Self> {
         let IsPolynomial(is_polynomial) = keys.model().check(check)?;
@@ -141,7 +151,7 @@ impl Distortion {
             None
         };
         taken!(check, keys => k1, k2, k3, p1, p2);
-        Ok(Self { k1, k2, k3, p1, p2, polynomial })
+        Ok(Self { coefficients: BrownConrady { k1, k2, k3, p1, p2 }, polynomial })
     }
 }
 
@@ -178,19 +188,7 @@ pub(super) fn check_distortion(
     distortion: &Distortion,
     check: &Checker<'_>,
 ) -> Result<()> {
-    let d = distortion;
-    let parameters = CameraParameters {
-        width_px: detector.width_px as usize,
-        height_px: detector.height_px as usize,
-        focal_px: [optics.focal_length_mm * 1e3 / detector.pixel_pitch_um; 2],
-        principal_point_px: optics.principal_point_px,
-        distortion: BrownConrady { k1: d.k1, k2: d.k2, k3: d.k3, p1: d.p1, p2: d.p2 },
-    };
-    let geometry = match d.polynomial {
-        None => CameraGeometry::new(parameters),
-        Some(polynomial) => CameraGeometry::with_polynomial(parameters, polynomial),
-    };
-    match geometry {
+    match distortion.geometry(detector, optics) {
         Err(AstrometryError::DistortionFolds { limit_deg, x_px, y_px }) => {
             let got = format!("one-to-one only to {limit_deg:.2} deg off axis");
             let wanted = format!("a direction for every pixel, also for the corner at ({x_px}, {y_px}) px");

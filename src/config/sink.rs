@@ -8,6 +8,7 @@ use crate::error::{ConfigError, Result};
 use crate::key::{Inner, Section, section, taken};
 use crate::key_type::{Any, Shape, Whole, Word};
 use crate::{check::Checker, network_camera as network_camera_keys};
+use frames::sink::RecorderOptions;
 use outputs::network_camera::Params as NetworkCameraParams;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
@@ -32,12 +33,8 @@ pub enum Sink {
         /// Output directory, relative to the working directory: each run has one of its own in it. `None`: below that
         /// of the run.
         directory: Option<PathBuf>,
-        /// One FITS file per frame.
-        fits: bool,
-        /// All frames in one SER file.
-        ser: bool,
-        /// A PNG of every n-th frame; 0: none.
-        png_every: u32,
+        /// Kinds of files.
+        options: RecorderOptions,
     },
     /// Memory that programs on this machine read.
     SharedMemory {
@@ -281,7 +278,8 @@ fn recorder(table: &SinkTable<'_>, check: &mut Checker<'_>) -> Result<Sink> {
         return Err(keys.directory().invalid("empty", "a directory", check));
     }
     taken!(check, keys => fits, ser, png_every);
-    Ok(Sink::Recorder { directory: directory.map(PathBuf::from), fits, ser, png_every })
+    let options = RecorderOptions { fits, truth: true, png_every, ser };
+    Ok(Sink::Recorder { directory: directory.map(PathBuf::from), options })
 }
 
 fn shared_memory(table: &SinkTable<'_>, check: &mut Checker<'_>) -> Result<Sink> {

@@ -14,7 +14,6 @@ use plan::optics::chain_psf::{ChainPsf, Drawing};
 use plan::optics::{BackgroundLight, PsfModel, StarSpectra};
 use plan::optics::{mtf::MtfChain, sky_brightness::SkyBrightness};
 use scene::camera::CameraParams;
-use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 
 /// Returns the camera in the form used by the other crates.
 ///
@@ -22,20 +21,7 @@ use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 /// When the distortion model is not valid over the whole detector, or the photometry cannot supply the requested light.
 pub fn camera_params(camera: &config::Camera) -> Result<CameraParams> {
     let (detector, optics) = (&camera.detector, &camera.optics);
-    let focal_px = optics.focal_length_mm * 1e3 / detector.pixel_pitch_um;
-    let d = &camera.distortion;
-    let parameters = CameraParameters {
-        width_px: detector.width_px as usize,
-        height_px: detector.height_px as usize,
-        focal_px: [focal_px; 2],
-        principal_point_px: optics.principal_point_px,
-        distortion: BrownConrady { k1: d.k1, k2: d.k2, k3: d.k3, p1: d.p1, p2: d.p2 },
-    };
-    let geometry = match d.polynomial {
-        None => CameraGeometry::new(parameters),
-        Some(polynomial) => CameraGeometry::with_polynomial(parameters, polynomial),
-    }
-    .with_context(|| format!("camera \"{}\"", camera.name))?;
+    let geometry = camera.geometry().with_context(|| format!("camera \"{}\"", camera.name))?;
     let mut params = CameraParams {
         name: camera.name.as_str().into(),
         geometry,

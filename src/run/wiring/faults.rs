@@ -266,27 +266,18 @@ pub(super) fn check_places(event: &Event, there: &Inventory) -> Result<(), Strin
             check_pixels(fault, *size)?;
         }
     }
-    match event.action {
-        Action::Frame { head: Some(head), .. } | Action::Aboard(VehicleFault::TrackerOff(Some(head)))
-            if head >= heads =>
-        {
-            Err(format!("head {head}: there are {heads}, counted from 0"))
-        }
-        Action::Aboard(VehicleFault::WheelFailure(wheel)) if wheel >= wheels => {
-            Err(format!("wheel {wheel}: there are {wheels}, counted from 0"))
-        }
-        Action::Slew(_)
-        | Action::Safe
-        | Action::Resume
-        | Action::Bus(_)
-        | Action::BusBackLoss { .. }
-        | Action::Frame { .. }
-        | Action::Aboard(_)
-        | Action::Trigger { .. } => {
-            let is_before = event.at < Span::ZERO;
-            if is_before { Err("wanted a time not before the first exposure".into()) } else { Ok(()) }
-        }
+    if let Action::Frame { head: Some(head), .. } | Action::Aboard(VehicleFault::TrackerOff(Some(head))) = event.action
+        && head >= heads
+    {
+        return Err(format!("head {head}: there are {heads}, counted from 0"));
     }
+    if let Action::Aboard(VehicleFault::WheelFailure(wheel)) = event.action
+        && wheel >= wheels
+    {
+        return Err(format!("wheel {wheel}: there are {wheels}, counted from 0"));
+    }
+    let is_before = event.at < Span::ZERO;
+    if is_before { Err("wanted a time not before the first exposure".into()) } else { Ok(()) }
 }
 
 /// Refuses pixels that a head does not have.

@@ -214,7 +214,7 @@ pub fn exposed_light(camera: &Camera, params: &TrackerParams) -> ExposedLight {
 
 /// Returns the parameters of a tracker behind this camera, as in its data sheet and calibration.
 pub fn tracker_params(camera: &Camera, most_stars: usize) -> TrackerParams {
-    let (detector, optics, d) = (&camera.detector, &camera.optics, &camera.distortion);
+    let (detector, optics, d) = (&camera.detector, &camera.optics, &camera.distortion.coefficients);
     let focal_px = optics.focal_length_mm * 1e3 / detector.pixel_pitch_um;
     let output = detector.params.spatial.output([detector.width_px, detector.height_px].map(|side| side as usize));
     let binning = f64::from(output.binning);
