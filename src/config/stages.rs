@@ -32,13 +32,13 @@ pub struct AttitudeSettings {
 /// Which implementation renders.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Backend {
-    /// The GPU when there is one, else the CPU.
+    /// A hardware GPU when there is one, else the CPU.
     Auto,
-    /// The GPU, or an error.
+    /// The GPU (software Vulkan counts), or an error.
     Gpu,
     /// The CPU.
     Cpu,
-    /// The slow one that is right.
+    /// The f64 reference.
     Reference,
 }
 

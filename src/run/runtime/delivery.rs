@@ -38,6 +38,7 @@ struct Carried {
 }
 
 /// Counts and losses of all frames that were sent.
+#[derive(Default)]
 pub struct Delivered {
     /// Frames that the sink took.
     pub frames: u64,
@@ -136,14 +137,8 @@ impl Delivery {
         self.hang_up();
         let joined = self.thread.join();
         self.empty.try_iter().for_each(|frame_packet| visit(&frame_packet));
-        joined.unwrap_or_else(|_panicked| Delivered {
-            frames: 0,
-            refused: 0,
-            losses: Vec::new(),
-            summary: None,
-            lines: Vec::new(),
-            error: Some(RunError::ThreadLost { name: "sink" }),
-        })
+        let lost = Some(RunError::ThreadLost { name: "sink" });
+        joined.unwrap_or_else(|_panicked| Delivered { error: lost, ..Delivered::default() })
     }
 }
 
