@@ -361,16 +361,15 @@ fn without_dots(path: &Path) -> PathBuf {
 pub(super) fn without_the_blamed(text: &str, name: &str, error: &ConfigError) -> Option<String> {
     let parsed = DeTable::parse(text).ok()?;
     let root = parsed.get_ref();
-    let range = match error {
-        ConfigError::Invalid { place, key, .. } if place.starts_with(name) => range_of_blamed(root, key)?,
-        ConfigError::UnknownKey { place, .. } | ConfigError::Syntax { place, .. } => {
-            let line: usize = place.strip_prefix(name)?.strip_prefix(':')?.parse().ok()?;
-            range_on_line(root, text, line)?
-        }
-        ConfigError::Invalid { .. }
-        | ConfigError::Read { .. }
-        | ConfigError::WrongKind { .. }
-        | ConfigError::Several { .. } => return None,
+    let range = if let ConfigError::UnknownKey { place, .. } | ConfigError::Syntax { place, .. } = error {
+        let line: usize = place.strip_prefix(name)?.strip_prefix(':')?.parse().ok()?;
+        range_on_line(root, text, line)?
+    } else if let ConfigError::Invalid { place, key, .. } = error
+        && place.starts_with(name)
+    {
+        range_of_blamed(root, key)?
+    } else {
+        return None;
     };
     let blanked = blanked(text, with_its_table(text, range))?;
     DeTable::parse(&blanked).is_ok().then_some(blanked)

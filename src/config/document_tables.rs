@@ -222,17 +222,15 @@ fn key_around(table: &DeTable<'_>, span: &Range<usize>, around: String) -> Optio
     for (key, value) in table {
         let name = if around.is_empty() { key.get_ref().to_string() } else { format!("{around}.{}", key.get_ref()) };
         let whole = key.span().start.min(value.span().start)..value.span().end;
-        let inner = match value.get_ref() {
-            DeValue::Table(inner) => key_around(inner, span, name.clone()),
-            DeValue::Array(items) => items.iter().zip(0..).find_map(|(item, place)| {
+        let inner = if let DeValue::Table(inner) = value.get_ref() {
+            key_around(inner, span, name.clone())
+        } else if let DeValue::Array(items) = value.get_ref() {
+            items.iter().zip(0..).find_map(|(item, place)| {
                 let DeValue::Table(inner) = item.get_ref() else { return None };
                 key_around(inner, span, format!("{name}[{place}]"))
-            }),
-            DeValue::String(_)
-            | DeValue::Integer(_)
-            | DeValue::Float(_)
-            | DeValue::Boolean(_)
-            | DeValue::Datetime(_) => None,
+            })
+        } else {
+            None
         };
         if let Some(found) = inner {
             return Some(found);

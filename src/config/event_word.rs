@@ -17,7 +17,8 @@ use crate::event::{Action, Pointing};
 use crate::event_reader::{Identifier, Reader};
 use crate::key_type::{Raw, Shape, Whole, Word};
 use crate::{check::Rule::PositiveUpTo, error::Result, key::section};
-use frames::sink::{CameraFault, FaultFlags, FrameFault, ImageFault, PixelFault, ProtonStorm, SendingFault};
+use frames::sink::FrameFault::{Camera, Image, Sending};
+use frames::sink::{CameraFault, FaultFlags, ImageFault, PixelFault, ProtonStorm, SendingFault};
 use image::detector::protons::stopping_power::DOMAIN_MEV;
 use link::tap::LinkFault;
 use testbed::vehicle::VehicleFault;
@@ -266,39 +267,42 @@ rows! {
     "clock_step" Lasts (step_ms) [] => Bus(LinkFault::ClockStep { by: step_ms });
     "clock_drift" Lasts (ppm) [] => Bus(LinkFault::ClockDrift { ppm });
     "bus_back_loss" Lasts (share) [] => BusBackLoss { share };
-    "frame_drop" Waits () [head] => Frame { head, fault: FrameFault::Sending(SendingFault::Drop) };
-    "frame_duplicate" Waits () [head] => Frame { head, fault: FrameFault::Sending(SendingFault::Duplicate) };
-    "frame_late" Waits (late_ms) [head] => Frame { head, fault: FrameFault::Sending(SendingFault::Late(late_ms)) };
-    "frame_torn" Waits () [head] => Frame { head, fault: FrameFault::Sending(SendingFault::Torn) };
-    "frame_blank" Waits () [head] => Frame { head, fault: FrameFault::Image(ImageFault::Blank) };
+    "frame_drop" Waits () [head] => Frame { head, fault: Sending(SendingFault::Drop) };
+    "frame_duplicate" Waits () [head] => Frame { head, fault: Sending(SendingFault::Duplicate) };
+    "frame_late" Waits (late_ms) [head] => Frame { head, fault: Sending(SendingFault::Late(late_ms)) };
+    "frame_torn" Waits () [head] => Frame { head, fault: Sending(SendingFault::Torn) };
+    "frame_blank" Waits () [head] => Frame { head, fault: Image(ImageFault::Blank) };
     "frame_bit_flip" Waits (bit) [pixels(1_000_000) of (px, count), head]
-        => Frame { head, fault: FrameFault::Image(ImageFault::BitFlip { bit, pixels }) };
-    "stray_light" Waits (e_per_s) [head] => Frame { head, fault: FrameFault::Image(ImageFault::StrayLight { e_per_s }) };
+        => Frame { head, fault: Image(ImageFault::BitFlip { bit, pixels }) };
+    "stray_light" Waits (e_per_s) [head] => Frame { head, fault: Image(ImageFault::StrayLight { e_per_s }) };
     "stray_light_ramp" Waits (from_e_per_s, to_e_per_s) [head]
-        => Frame { head, fault: FrameFault::Image(ImageFault::StrayLightRamp { from_e_per_s, to_e_per_s }) };
-    "defocus_step" Waits (sigma_px) [head] => Frame { head, fault: FrameFault::Camera(CameraFault::Defocus { sigma_px }) };
+        => Frame { head, fault: Image(ImageFault::StrayLightRamp { from_e_per_s, to_e_per_s }) };
+    "defocus_step" Waits (sigma_px) [head] => Frame { head, fault: Camera(CameraFault::Defocus { sigma_px }) };
     "contamination" Waits (throughput) [to_throughput.or_silently(throughput), head]
-        => Frame { head, fault: FrameFault::Image(ImageFault::Contamination { from_share: throughput, to_share: to_throughput }) };
-    "temperature_step" Waits (by_k) [head] => Frame { head, fault: FrameFault::Image(ImageFault::TemperatureStep { by_k }) };
-    "saturation" Waits () [full_wells, head] => Frame { head, fault: FrameFault::Image(ImageFault::Saturation { full_wells }) };
+        => Frame { head, fault: Image(ImageFault::Contamination { from_share: throughput, to_share: to_throughput }) };
+    "temperature_step" Waits (by_k) [head] => Frame { head, fault: Image(ImageFault::TemperatureStep { by_k }) };
+    "saturation" Waits () [full_wells, head] => Frame { head, fault: Image(ImageFault::Saturation { full_wells }) };
     "false_stars" Waits (mag) [pixels(4096) of (px, count), head]
-        => Frame { head, fault: FrameFault::Image(ImageFault::FalseStars { pixels, mag }) };
+        => Frame { head, fault: Image(ImageFault::FalseStars { pixels, mag }) };
     "missing_stars" Waits (share.advised("a share of the catalog's stars, 0 to 1")) [head]
-        => Frame { head, fault: FrameFault::Image(ImageFault::MissingStars { share }) };
+        => Frame { head, fault: Image(ImageFault::MissingStars { share }) };
     "missing_bright_stars" Waits (count.within(0..=100_000).advised("how many of the brightest stars")) [head]
-        => Frame { head, fault: FrameFault::Image(ImageFault::MissingBrightStars { count }) };
+        => Frame { head, fault: Image(ImageFault::MissingBrightStars { count }) };
     "hot_pixels" Waits (e_per_s.within(PositiveUpTo(1e9)).advised("electrons per second more"))
         [spots() of (px, column, row, count), head]
-        => Frame { head, fault: FrameFault::Camera(CameraFault::Pixels { spots, fault: PixelFault::Hot { e_per_s } }) };
+        => Frame { head, fault: Camera(CameraFault::Pixels { spots, fault: PixelFault::Hot { e_per_s } }) };
     "dead_pixels" Waits () [response, spots() of (px, column, row, count), head]
-        => Frame { head, fault: FrameFault::Camera(CameraFault::Pixels { spots, fault: PixelFault::Dead { response } }) };
+        => Frame { head, fault: Camera(CameraFault::Pixels { spots, fault: PixelFault::Dead { response } }) };
     "rts_pixels" Waits (e_per_s.within(PositiveUpTo(1e9)).advised("at the high level"))
         [high_s, low_s, spots() of (px, column, row, count), head]
-        => Frame { head, fault: FrameFault::Camera(CameraFault::Pixels { spots, fault: PixelFault::Rts { e_per_s, high_s, low_s } }) };
+        => Frame {
+            head,
+            fault: Camera(CameraFault::Pixels { spots, fault: PixelFault::Rts { e_per_s, high_s, low_s } }),
+        };
     "stuck_pixels" Waits (dn) [spots() of (px, column, row, count), head]
-        => Frame { head, fault: FrameFault::Camera(CameraFault::Pixels { spots, fault: PixelFault::Stuck { dn } }) };
+        => Frame { head, fault: Camera(CameraFault::Pixels { spots, fault: PixelFault::Stuck { dn } }) };
     "proton_storm" Waits (per_cm2_s, energy_mev) [beam_deg() of (incidence_deg, azimuth_deg), head]
-        => Frame { head, fault: FrameFault::Image(ImageFault::Protons(ProtonStorm { per_cm2_s, energy_mev, beam_deg })) };
+        => Frame { head, fault: Image(ImageFault::Protons(ProtonStorm { per_cm2_s, energy_mev, beam_deg })) };
     "gyro_dropout" Lasts () [] => Aboard(VehicleFault::GyroDropout);
     "gyro_stuck" Lasts () [] => Aboard(VehicleFault::GyroStuck);
     "gyro_bias_jump" Once (rate_deg_h) [] => Aboard(VehicleFault::GyroBiasJump(rate_deg_h));

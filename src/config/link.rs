@@ -246,7 +246,8 @@ section! {
             [("simulated", Kind::Simulated), ("socketcan", Kind::SocketCan), ("serial", Kind::Serial),
              ("udp", Kind::Udp), ("tcp", Kind::Tcp)];
         /// Encoding of the bytes: CAN and serial lines carry the same messages, plain carries numbers only.
-        wire: Word<WireFormat> = Computed("\"serial\" on a serial port, \"plain\" over udp and tcp, else \"can_fd\""), WIRES;
+        wire: Word<WireFormat> =
+            Computed("\"serial\" on a serial port, \"plain\" over udp and tcp, else \"can_fd\""), WIRES;
         /// Microseconds on top of the time on the wire; 0 for none.
         latency_us: f64 = 0.0, Within(0.0, 1e7);
         /// Bits per second: 500000 on CAN, 921600 on a serial line.

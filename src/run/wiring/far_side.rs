@@ -122,20 +122,15 @@ impl FarSide {
     fn prepare_witness(&mut self, event: &Event, zero: Tai) {
         let from = zero + event.at;
         let until = from + event.lasts;
-        match event.action {
-            Action::Slew(_) => self.witness.expect_disturbance(from, from + self.longest_slew),
-            Action::Bus(fault) => match fault.arrival(event.lasts) {
-                Arrival::Late(by) => self.witness.expect_delay(from, until, by),
-                Arrival::Misstamped(by) => self.witness.expect_clock(from, until, by),
-                Arrival::AsSent => {}
-            },
-            // These change neither the pointing nor the arrival of packets.
-            Action::BusBackLoss { .. }
-            | Action::Safe
-            | Action::Resume
-            | Action::Frame { .. }
-            | Action::Aboard(_)
-            | Action::Trigger { .. } => {}
+        if matches!(event.action, Action::Slew(_)) {
+            self.witness.expect_disturbance(from, from + self.longest_slew);
+        }
+        // All others change neither the pointing nor the arrival of packets.
+        let Action::Bus(fault) = event.action else { return };
+        match fault.arrival(event.lasts) {
+            Arrival::Late(by) => self.witness.expect_delay(from, until, by),
+            Arrival::Misstamped(by) => self.witness.expect_clock(from, until, by),
+            Arrival::AsSent => {}
         }
     }
 

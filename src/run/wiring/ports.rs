@@ -164,7 +164,7 @@ fn can_link(
 
 /// Returns the reason why a bench cannot be run on the virtual clock, if there is one.
 pub fn needs_real_clock(bench: &Bench) -> Option<&'static str> {
-    let has_gateways = |link: &Link| matches!(&link.carrier, Carrier::Simulated(gateway_ports) if *gateway_ports != GatewayParams::default());
+    let has_gateways = |link: &Link| matches!(link.carrier, Carrier::Simulated(_)) && !link.has_no_gateway();
     let is_real = |link: &Link| !matches!(link.carrier, Carrier::Simulated(_));
     let any = |is: &dyn Fn(&Link) -> bool| core::iter::once(&bench.link).chain(&bench.extra_links).any(is);
     if any(&is_real) {
