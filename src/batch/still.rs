@@ -228,7 +228,7 @@ pub fn still_fault_of(mut keys: Map<String, Value>) -> Result<FrameFault, StillF
     keys.entry("for_s").or_insert_with(|| Value::from(1.0));
     let event = Event::from_json(&keys, 0.0, Span::from_s(1.0))?;
     match event.action {
-        Action::Frame { fault, .. } if changes(&fault) != Changes::Sending => Ok(fault),
+        Action::Frame { fault, .. } if !matches!(fault, FrameFault::Sending(_)) => Ok(fault),
         Action::Frame { .. }
         | Action::Slew(_)
         | Action::Safe
@@ -240,38 +240,9 @@ pub fn still_fault_of(mut keys: Map<String, Value>) -> Result<FrameFault, StillF
     }
 }
 
-/// Kinds of faults, by the thing that they change.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Changes {
-    /// When or how often an image is sent, or which one: that needs a run.
-    Sending,
-    /// One image.
-    Image,
-    /// Detector or optics, for all images after it, until it is taken back.
-    Camera,
-}
-
-fn changes(fault: &FrameFault) -> Changes {
-    match fault {
-        FrameFault::Drop | FrameFault::Duplicate | FrameFault::Late(_) | FrameFault::Torn => Changes::Sending,
-        FrameFault::Blank
-        | FrameFault::BitFlip { .. }
-        | FrameFault::StrayLight { .. }
-        | FrameFault::StrayLightRamp { .. }
-        | FrameFault::Contamination { .. }
-        | FrameFault::TemperatureStep { .. }
-        | FrameFault::Saturation { .. }
-        | FrameFault::FalseStars { .. }
-        | FrameFault::MissingStars { .. }
-        | FrameFault::MissingBrightStars { .. }
-        | FrameFault::Protons(_) => Changes::Image,
-        FrameFault::Defocus { .. } | FrameFault::Pixels { .. } => Changes::Camera,
-    }
-}
-
 /// Returns whether a fault changes the detector or the optics for all images after it, until it is taken back.
 pub fn stays(fault: &FrameFault) -> bool {
-    changes(fault) == Changes::Camera
+    matches!(fault, FrameFault::Camera(_))
 }
 
 #[cfg(test)]
@@ -325,11 +296,12 @@ mod still_tests {
 #[cfg(test)]
 mod fault_tests {
     use super::*;
+    use frames::sink::ImageFault;
 
     #[test]
     fn keys_of_an_event_become_a_fault() {
         let fault = still_fault("do = \"stray_light\", e_per_s = 200").unwrap();
-        assert_eq!(fault, FrameFault::StrayLight { e_per_s: 200.0 });
+        assert_eq!(fault, FrameFault::Image(ImageFault::StrayLight { e_per_s: 200.0 }));
     }
 
     #[test]

@@ -9,9 +9,9 @@ use base::clock::{Clock, Monotonic, Stopwatch};
 use clap::{Args, Subcommand};
 use core::fmt::Write as _;
 use plan::exposure::cost::CostModel;
+use run::runtime::Imager;
 use run::runtime::calibrate::{Calibration, Effort, calibrate};
 use run::runtime::cost_cache::{self, CachedCost, CostOwner};
-use run::{runtime::Imager, wiring::bench_parts::backend_choice};
 use std::path::PathBuf;
 
 /// Command line of `calibrate`.
@@ -61,7 +61,7 @@ pub fn run(arguments: &CalibrateArgs) -> Result<()> {
 }
 
 fn costs(arguments: &CostArgs) -> Result<()> {
-    let choice = backend_choice(arguments.backend.configured());
+    let choice = arguments.backend.configured();
     let (watch, line) = (Stopwatch::start(), ProgressLine::new());
     let found = calibrate(choice, &Effort::of(choice, arguments.quick), &mut |scene, number, of| {
         line.show(&format!("measuring {number:>2} of {of}: {scene}"));

@@ -12,7 +12,7 @@ use frames::{report::to_svg, sink::write_file_atomically};
 use image::detector::{Detector, DetectorConditions, DetectorParams, Nonlinearity, Patterns, SpatialParams};
 use plan::exposure::{MethodChoice, Planner};
 use plan::{attitude::LosPath, optics::Illumination};
-use run::{runtime::Imager, wiring::bench_parts::backend_choice, wiring::camera_parts::camera_params};
+use run::{runtime::Imager, wiring::camera_parts::camera_params};
 use scene::camera::CameraParams;
 use std::path::{Path, PathBuf};
 
@@ -186,7 +186,7 @@ fn stars(camera: &CameraParams, arguments: &VerifyArgs) -> Result<(Fidelity, &'s
     let detector = camera.make_detector(arguments.seed)?;
     let truth = Truth::of(&detector, camera.psf.clone(), camera.exposure_s);
     let field = StarField::new(size_px, brightnesses(camera, &truth), 21);
-    let backend = backend_choice(arguments.backend.configured());
+    let backend = arguments.backend.configured();
     let mut imager = Imager::of_detector(backend, detector)?;
     let los = LosPath::commanded(Rotation::IDENTITY, Tai::from_ns(0), camera.exposure_s);
     let mut planner =

@@ -6,10 +6,11 @@
 //! (`detector.quantum_efficiency`, the photons and colour law of `[radiometry]`) are refused beside them: two
 //! statements of one thing.
 
+use crate::error::{ConfigError, Result};
 use crate::key::{Given, section};
 use crate::key_type::{Raw, Shape};
 use crate::{Psf, RadiometryModel};
-use crate::{check::Checker, document::Document, error::ConfigError};
+use crate::{check::Checker, document::Document};
 use plan::optics::{Band, Spectrum, SpectrumError};
 use serde::Deserialize;
 
@@ -51,7 +52,7 @@ pub(super) fn check_band(
     model: RadiometryModel,
     psf: &Psf,
     check: &mut Checker<'_>,
-) -> Result<Option<Band>, ConfigError> {
+) -> Result<Option<Band>> {
     let Some(keys) = keys else { return Ok(None) };
     if model != RadiometryModel::PhotonsG {
         let advice = "[band] counts photons by wavelength: leave out the one or the other";
@@ -79,7 +80,7 @@ fn table(
     list: &Given<'_, Raw<Vec<[f64; 2]>>>,
     file: &Given<'_, String>,
     check: &Checker<'_>,
-) -> Result<Option<Spectrum>, ConfigError> {
+) -> Result<Option<Spectrum>> {
     let (named, points) = match (list.raw(), file.raw()) {
         (None, None) => return Ok(None),
         (Some(_), Some(_)) => return Err(file.invalid("given", format!("no {} here", file.key()), check)),
@@ -109,7 +110,7 @@ fn refused(key: &str, error: SpectrumError, check: &Checker<'_>) -> ConfigError 
 }
 
 /// Refuses a mean value that was given beside the table that replaces it, and takes its default off the list.
-fn replaced(key: &str, table: &str, check: &mut Checker<'_>) -> Result<(), ConfigError> {
+fn replaced(key: &str, table: &str, check: &mut Checker<'_>) -> Result<()> {
     let Some(place) = check.defaulted.iter().position(|default| default.key == key) else {
         let advice = format!("{table} replaces it: leave out the one or the other");
         return Err(check.invalid(key, "given", format!("no {key} beside {table}"), &advice));
@@ -119,7 +120,7 @@ fn replaced(key: &str, table: &str, check: &mut Checker<'_>) -> Result<(), Confi
 }
 
 /// Checks that the detector sees the wavelength of a diffraction pattern.
-fn wavelength_inside(psf: &Psf, band: &Band, check: &Checker<'_>) -> Result<(), ConfigError> {
+fn wavelength_inside(psf: &Psf, band: &Band, check: &Checker<'_>) -> Result<()> {
     let Psf::Airy { wavelength_nm, .. } = *psf else { return Ok(()) };
     let (least, most) = band.range_nm();
     if (least..=most).contains(&wavelength_nm) {

@@ -1,28 +1,26 @@
 //! A bench file: one run of the stimulator.
 
 use crate::budget::{Budget, BudgetKeys};
+use crate::camera::{Camera, HEADS_MAX, Head, HeadKeys, check_heads, quaternion};
 use crate::check::{Checker, Defaulted};
+use crate::error::{ConfigError, Result};
 use crate::flight_computer::{FlightComputer, FlightComputerKeys, JitterSource};
-use crate::head::{HEADS_MAX, Head, HeadKeys, check_heads, quaternion};
 use crate::jitter::{JitterInput, JitterKeys};
 use crate::key::{Section, section};
 use crate::key_type::{Any, Numbers, Raw, Shape, Whole, Word};
-use crate::link::{Carrier, Link, Wire};
+use crate::link::{Carrier, Link, LinkKeys, SessionKeys, SessionParams};
 use crate::observer::{Observer, ObserverKeys};
 use crate::plant::{PlantKeys, PlantKind};
-use crate::session::{Session, SessionKeys};
 use crate::sink::{Sink, SinkKeys, SinkSettings};
 use crate::stages::{AccuracyKeys, AttitudeKeys, AttitudeSettings, Render, RenderKeys, check_accuracy};
 use crate::target::{Overlap, TargetKeys, TargetSettings, check_seen, check_targets};
 use crate::timing::{Timing, TimingKeys};
 use crate::tracker_out::{TrackerOut, TrackerOutKeys, check_tracker_outs};
 use crate::trigger_line::{TriggerLine, TriggerLineKeys, check_trigger_lines};
-use crate::{
-    camera::Camera, document::Document, error::ConfigError, event_word::EventKeys, expect::ExpectKeys,
-    link_keys::LinkKeys, plain_link,
-};
+use crate::{document::Document, event_word::EventKeys, expect::ExpectKeys, plain_link};
 use base::accuracy::AccuracyBudget;
 use base::axes::{Body, Rotation, Sensor};
+use link::WireFormat;
 use std::path::{Path, PathBuf};
 
 const BUILT_IN_BENCH: &str = "benches/loopback.toml";
@@ -54,7 +52,7 @@ pub struct Bench {
     /// Telemetry of star trackers.
     pub tracker_outs: Vec<TrackerOut>,
     /// The conversation with the flight computer.
-    pub session: Session,
+    pub session: SessionParams,
     /// How the sensor is mounted.
     pub sensor_from_body: Rotation<Sensor, Body>,
     /// Further camera heads.
@@ -171,7 +169,7 @@ section! {
 
 impl SkyKeys {
     /// Layers beside the bench's file.
-    fn files(&self, check: &Checker<'_>) -> Result<Vec<PathBuf>, ConfigError> {
+    fn files(&self, check: &Checker<'_>) -> Result<Vec<PathBuf>> {
         let Some(layers) = self.layers().raw() else { return Ok(Vec::new()) };
         if layers.is_empty() || layers.iter().any(|path| path.trim().is_empty()) {
             return Err(self.layers().invalid("no file", "layers of stars", check));
@@ -179,7 +177,7 @@ impl SkyKeys {
         Ok(layers.iter().map(|path| check.document.file_beside(path)).collect())
     }
 
-    fn memory(&self, check: &mut Checker<'_>) -> Result<u32, ConfigError> {
+    fn memory(&self, check: &mut Checker<'_>) -> Result<u32> {
         if !self.layers().is_given() {
             self.refuse(&["memory_mb"], "a bench with sky.layers", check)?;
             return Ok(STAR_MEMORY_MB);
@@ -192,7 +190,7 @@ impl SkyKeys {
 pub const STAR_MEMORY_MB: u32 = 512;
 
 /// Checks that the constant delay of the bus is given once.
-fn check_one_delay(is_given: bool, link: &Link, check: &Checker<'_>) -> Result<(), ConfigError> {
+fn check_one_delay(is_given: bool, link: &Link, check: &Checker<'_>) -> Result<()> {
     if is_given && link.latency_us > 0.0 {
         let wanted = "not given beside link.latency_us";
         let advice = "both are the constant delay of the bus: give one of them";
@@ -202,10 +200,10 @@ fn check_one_delay(is_given: bool, link: &Link, check: &Checker<'_>) -> Result<(
 }
 
 /// Checks the jitter rate for classic CAN, which carries jitter in pairs of one fixed rate.
-fn check_classic_jitter(link: &Link, computer: &FlightComputer, check: &Checker<'_>) -> Result<(), ConfigError> {
+fn check_classic_jitter(link: &Link, computer: &FlightComputer, check: &Checker<'_>) -> Result<()> {
     const PAIRS_HZ: f64 = 1000.0;
     let hz = computer.jitter_sample_hz;
-    let paired = link.wire == Wire::CanClassic && computer.jitter_source == JitterSource::Samples;
+    let paired = link.wire == WireFormat::CanClassic && computer.jitter_source == JitterSource::Samples;
     if paired && (hz - PAIRS_HZ).abs() > 0.0 {
         let advice = "classic CAN sends jitter at 1 kHz only; CAN FD and serial take other rates";
         return Err(check.invalid("flight_computer.jitter_sample_hz", hz, "1000 on classic CAN", advice));
@@ -214,11 +212,7 @@ fn check_classic_jitter(link: &Link, computer: &FlightComputer, check: &Checker<
 }
 
 /// Checks that no display is used with several heads: it shows one.
-pub(super) fn check_sinks_of_heads(
-    sinks: &[SinkSettings],
-    extra_heads: &[Head],
-    check: &Checker<'_>,
-) -> Result<(), ConfigError> {
+pub(super) fn check_sinks_of_heads(sinks: &[SinkSettings], extra_heads: &[Head], check: &Checker<'_>) -> Result<()> {
     let display = sinks.iter().position(|settings| matches!(settings.sink, Sink::Display(_)));
     match display {
         Some(place) if !extra_heads.is_empty() => {
@@ -233,12 +227,7 @@ pub(super) fn check_sinks_of_heads(
 
 /// Refuses frames that are begun so early that every attitude is stale: at best the newest is as old as drawing has
 /// begun.
-fn check_not_stale(
-    ahead_ms: f64,
-    attitude: &AttitudeSettings,
-    exposure_s: f64,
-    check: &Checker<'_>,
-) -> Result<(), ConfigError> {
+fn check_not_stale(ahead_ms: f64, attitude: &AttitudeSettings, exposure_s: f64, check: &Checker<'_>) -> Result<()> {
     let most_ms = attitude.estimate.stale_after.ms() + 500.0 * exposure_s;
     if ahead_ms < most_ms {
         return Ok(());
@@ -250,12 +239,7 @@ fn check_not_stale(
 
 /// Checks that every extra link leads to another program, and that one link at most has pulses. Whether the first link
 /// leads to one depends on how the run is started ([`Bench::is_lockstep`]).
-fn check_both_ends(
-    link: &Link,
-    extra_links: &[Link],
-    computer: &FlightComputer,
-    check: &Checker<'_>,
-) -> Result<(), ConfigError> {
+fn check_both_ends(link: &Link, extra_links: &[Link], computer: &FlightComputer, check: &Checker<'_>) -> Result<()> {
     if let Some(i) = extra_links.iter().position(Link::has_no_gateway) {
         let gateway_ports = "slcan_tcp, slcan_pty or socketcand: without a gateway no other program can reach this bus";
         let key = format!("extra_link[{i}].kind");
@@ -267,7 +251,7 @@ fn check_both_ends(
         return Err(check.invalid("link.pps", format!("{sources} sources of pulses"), "one", advice));
     }
     let far_port = |link: &Link| match &link.carrier {
-        Carrier::SerialPort(settings) => Some(settings.far_port.is_some()),
+        Carrier::SerialPort { far_port, .. } => Some(far_port.is_some()),
         Carrier::Simulated(_) | Carrier::SocketCan { .. } | Carrier::Udp { .. } | Carrier::Tcp { .. } => None,
     };
     if far_port(link) == Some(false) && !computer.is_external {
@@ -300,7 +284,7 @@ impl Bench {
     ///
     /// # Errors
     /// The first thing that is wrong.
-    pub fn load(path: &Path) -> Result<Self, ConfigError> {
+    pub fn load(path: &Path) -> Result<Self> {
         Self::from_document(&Document::open(path)?)
     }
 
@@ -308,7 +292,7 @@ impl Bench {
     ///
     /// # Errors
     /// Never, as a test holds.
-    pub fn built_in() -> Result<Self, ConfigError> {
+    pub fn built_in() -> Result<Self> {
         Self::from_document(&Self::built_in_document()?)
     }
 
@@ -316,12 +300,12 @@ impl Bench {
     ///
     /// # Errors
     /// Never, as a test holds.
-    pub fn built_in_document() -> Result<Document, ConfigError> {
+    pub fn built_in_document() -> Result<Document> {
         Document::built_in(BUILT_IN_BENCH)
     }
 
     /// Checks the bench of a document; what else is in it is returned as it was read.
-    pub(super) fn checked(document: &Document) -> Result<(Self, BesideBench), ConfigError> {
+    pub(super) fn checked(document: &Document) -> Result<(Self, BesideBench)> {
         let keys: BenchKeys = document.read_as()?;
         let mut check = Checker::new(document);
         let name = check.folder_name(keys.name().raw().cloned())?;
@@ -335,7 +319,7 @@ impl Bench {
         let link = Link::check(&keys.link, &mut check)?;
         let extra_links = Link::check_extra(&keys.extra_link, &mut check)?;
         let trigger_lines = check_trigger_lines(&keys.trigger_line, &mut check)?;
-        let session = Session::check(&keys.session, &mut check)?;
+        let session = SessionParams::check(&keys.session, &mut check)?;
         let sensor_from_body = mounting(&keys.mounting, &mut check)?;
         let observer = Observer::check(&keys.observer, &mut check)?;
         let light_deflection = keys.observer.light_deflection().check(&mut check)?;
@@ -406,7 +390,7 @@ impl Bench {
         extra: &[HeadKeys],
         has_mounting: bool,
         check: &mut Checker<'_>,
-    ) -> Result<Self, ConfigError> {
+    ) -> Result<Self> {
         if all.is_empty() {
             let extra_heads = check_heads("extra_head", extra, HEADS_MAX - 1, &self.first_head(), check)?;
             return Ok(Self { extra_heads, ..self });
@@ -486,7 +470,7 @@ impl Bench {
 }
 
 /// Returns the camera of the first head: its own, that of the bench, or the built-in one.
-fn camera(keys: &BenchKeys, check: &mut Checker<'_>) -> Result<Camera, ConfigError> {
+fn camera(keys: &BenchKeys, check: &mut Checker<'_>) -> Result<Camera> {
     if let Some(path) = keys.head.first().and_then(|head| head.camera().raw()) {
         let camera = Camera::partly(&check.document.named("head[0].camera", path)?)?;
         return Ok(check.take(camera));
@@ -503,7 +487,7 @@ fn camera(keys: &BenchKeys, check: &mut Checker<'_>) -> Result<Camera, ConfigErr
     }
 }
 
-fn mounting(keys: &MountingKeys, check: &mut Checker<'_>) -> Result<Rotation<Sensor, Body>, ConfigError> {
+fn mounting(keys: &MountingKeys, check: &mut Checker<'_>) -> Result<Rotation<Sensor, Body>> {
     let given = keys.sensor_from_body();
     match given.raw() {
         Some(wxyz) => quaternion(&given.key(), *wxyz, check),
@@ -512,11 +496,7 @@ fn mounting(keys: &MountingKeys, check: &mut Checker<'_>) -> Result<Rotation<Sen
 }
 
 /// Returns the targets of a bench, and the rule for pixels where they cover stars.
-fn targets_of(
-    keys: &BenchKeys,
-    duration_s: f64,
-    check: &mut Checker<'_>,
-) -> Result<(Vec<TargetSettings>, Overlap), ConfigError> {
+fn targets_of(keys: &BenchKeys, duration_s: f64, check: &mut Checker<'_>) -> Result<(Vec<TargetSettings>, Overlap)> {
     let targets = check_targets(&keys.target, check)?;
     check_seen(&targets, duration_s, check)?;
     let overlap = if targets.is_empty() {

@@ -6,7 +6,7 @@
 
 use crate::key::{Given, section, taken};
 use crate::key_type::{Any, Raw, Shape, Whole};
-use crate::{check::Checker, error::ConfigError};
+use crate::{check::Checker, error::Result};
 
 /// Records kept: 400 s at 10 Hz, 2.5 MiB.
 const DEFAULT_RING: i64 = 4096;
@@ -114,7 +114,7 @@ impl BudgetKeys {
 const TOTAL: &str = "release_to_delivered";
 
 impl Budget {
-    pub(super) fn check(keys: &BudgetKeys, readout_s: f64, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+    pub(super) fn check(keys: &BudgetKeys, readout_s: f64, check: &mut Checker<'_>) -> Result<Self> {
         let mut stage_p99_ms = Vec::new();
         for stage in keys.stages() {
             let name = stage.name.trim_end_matches("_ms");
@@ -129,7 +129,7 @@ impl Budget {
     }
 }
 
-fn affinity(given: &Given<'_, Raw<Vec<i64>>>, check: &Checker<'_>) -> Result<Vec<usize>, ConfigError> {
+fn affinity(given: &Given<'_, Raw<Vec<i64>>>, check: &Checker<'_>) -> Result<Vec<usize>> {
     let number = |processor: &i64| {
         let in_range = usize::try_from(*processor).ok().filter(|_| *processor <= LAST_PROCESSOR);
         in_range.ok_or_else(|| given.invalid(processor, format!("processor numbers from 0 to {LAST_PROCESSOR}"), check))

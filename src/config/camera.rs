@@ -1,23 +1,27 @@
 //! A camera file.
+//!
+//! `[[head]]` and `[[extra_head]]`: camera heads, each with its mounting, camera, frame rate and phase.
 
-use crate::background::{Background, BackgroundKeys};
-use crate::baffle::{Baffle, BaffleKeys};
+use crate::background::{Background, BackgroundKeys, Baffle, BaffleKeys};
 use crate::band::{BandKeys, check_band};
 use crate::check::{Checker, Defaulted};
 use crate::detector_effects::{DetectorKeys, tdi_exposure};
-use crate::error::{ConfigError, Partly};
+use crate::error::{ConfigError, Partly, Result};
 use crate::file_kind::{FileKind, must_be};
+use crate::key::{listed, section};
 use crate::mtf::{MtfKeys, belongs_to_chain};
-use crate::optics::{Distortion, DistortionKeys, Optics, OpticsKeys};
+use crate::optics::{Distortion, DistortionKeys, IlluminationKeys, Optics, OpticsKeys, check_distortion};
 use crate::psf::{Psf, PsfKeys};
 use crate::radiometry::{Exposure, ExposureKeys, Radiometry, RadiometryKeys, RadiometryModel};
 use crate::several::{check_all, check_partly};
-use crate::{
-    detector::Detector, distortion::check_distortion, document::Document, illumination::IlluminationKeys, key::section,
-};
+use crate::timing::{PHASE_MAX_MS, check_frame_rate};
+use crate::{detector::Detector, document::Document};
+use base::axes::{Body, Rotation, Sensor, WRITTEN_NORM_TOLERANCE};
+use base::time::Span;
 use base::units::{ARCSEC, DEG};
 use plan::exposure::PsfSampling;
 use plan::optics::{Band, BandRadiometry, Illumination, StarLight};
+use sky::astrometry::{AstrometryError, CameraGeometry};
 use std::path::Path;
 
 /// An exposure that fits every frame rate, s.
@@ -90,7 +94,7 @@ impl Camera {
     ///
     /// # Errors
     /// The first thing that is wrong with it.
-    pub fn load(path: &Path) -> Result<Self, ConfigError> {
+    pub fn load(path: &Path) -> Result<Self> {
         Self::from_document(&Document::open(path)?)
     }
 
@@ -98,13 +102,13 @@ impl Camera {
     ///
     /// # Errors
     /// The first thing that is wrong with it.
-    pub fn from_document(document: &Document) -> Result<Self, ConfigError> {
+    pub fn from_document(document: &Document) -> Result<Self> {
         must_be(FileKind::Camera, document)?;
         check_all(document, Self::checked)
     }
 
     /// Checks a camera that a bench names: the camera without what is wrong, and what is wrong.
-    pub(super) fn partly(document: &Document) -> Result<Partly<Self>, ConfigError> {
+    pub(super) fn partly(document: &Document) -> Result<Partly<Self>> {
         must_be(FileKind::Camera, document)?;
         let (mut camera, errors) = check_partly(document, Self::checked)?;
         if errors.iter().filter_map(ConfigError::key).any(|key| key.starts_with("exposure.")) {
@@ -114,7 +118,7 @@ impl Camera {
         Ok((camera, errors))
     }
 
-    fn checked(document: &Document) -> Result<Partly<Self>, ConfigError> {
+    fn checked(document: &Document) -> Result<Partly<Self>> {
         let keys: CameraKeys = document.read_as()?;
         let mut check = Checker::new(document);
         let name = check.label(keys.name().raw().cloned())?;
@@ -152,6 +156,14 @@ impl Camera {
             defaulted,
         };
         Ok((camera, named_errors))
+    }
+
+    /// Returns the geometry of its image.
+    ///
+    /// # Errors
+    /// When the distortion folds the image.
+    pub fn geometry(&self) -> Result<CameraGeometry, AstrometryError> {
+        self.distortion.geometry(&self.detector, &self.optics)
     }
 
     /// Returns columns and rows of its images.
@@ -203,4 +215,76 @@ impl Camera {
 /// Returns whether a document describes a camera by itself, rather than a bench that names one.
 pub fn is_camera(document: &Document) -> bool {
     document.has_key("detector")
+}
+
+/// Most camera heads of one bench or spacecraft.
+pub(super) const HEADS_MAX: usize = 8;
+
+/// A camera head, checked.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Head {
+    /// How it is mounted.
+    pub sensor_from_body: Rotation<Sensor, Body>,
+    /// Its camera.
+    pub camera: Camera,
+    /// Frames per second.
+    pub frame_rate_hz: f64,
+    /// By how much its exposures begin after the whole frame periods of the run.
+    pub phase: Span,
+}
+
+section! {
+    /// A camera head.
+    HeadKeys at "head" {
+        /// How the head is mounted: a unit quaternion [w, x, y, z], scalar first.
+        sensor_from_body: [f64; 4] = Needed, Within(-1.0, 1.0), "how the head is mounted";
+        /// Camera file; left out, the bench's camera.
+        camera: String = Optional, "path";
+        /// Frames per second, such as 10.0; left out, as in [timing].
+        frame_rate_hz: f64 = Computed("timing.frame_rate_hz"), PositiveUpTo(10_000.0);
+        /// Milliseconds after the run's first exposure at which this head begins its own.
+        phase_ms: f64 = Optional, Within(0.0, PHASE_MAX_MS);
+    }
+}
+
+/// Returns the heads listed under `name`, at most `most`; keys that a head leaves out are as in `usual`.
+pub(super) fn check_heads(
+    name: &str,
+    keys: &[HeadKeys],
+    most: usize,
+    usual: &Head,
+    check: &mut Checker<'_>,
+) -> Result<Vec<Head>> {
+    if keys.len() > most {
+        return Err(check.invalid(name, keys.len(), format!("at most {most}"), "leave some out"));
+    }
+    listed(keys, name).iter().map(|keys| keys.head(usual, check)).collect()
+}
+
+impl HeadKeys {
+    fn head(&self, usual: &Head, check: &mut Checker<'_>) -> Result<Head> {
+        let mounting = self.sensor_from_body();
+        let wxyz = mounting.raw().ok_or_else(|| mounting.missing("a unit quaternion [w, x, y, z]", check))?;
+        let sensor_from_body = quaternion(&mounting.key(), *wxyz, check)?;
+        let camera = match self.camera().raw() {
+            Some(path) => {
+                let camera = Camera::partly(&check.document.named(&self.camera().key(), path)?)?;
+                check.take(camera)
+            }
+            None => usual.camera.clone(),
+        };
+        let frame_rate_hz = self.frame_rate_hz().or_silently(usual.frame_rate_hz);
+        let frame_rate_hz = check_frame_rate(frame_rate_hz, Some(camera.exposure.exposure_s), check)?;
+        let phase = if self.phase_ms().is_given() { self.phase_ms().ms(check)? } else { usual.phase };
+        Ok(Head { sensor_from_body, camera, frame_rate_hz, phase })
+    }
+}
+
+/// Returns a quaternion of numbers from a file.
+pub(super) fn quaternion(key: &str, wxyz: [f64; 4], check: &Checker<'_>) -> Result<Rotation<Sensor, Body>> {
+    Rotation::from_wxyz(wxyz, WRITTEN_NORM_TOLERANCE).ok_or_else(|| {
+        let wanted = "a unit quaternion [w, x, y, z], norm within 0.001 of 1";
+        let advice = "scalar first; [1.0, 0.0, 0.0, 0.0] when sensor and body axes are the same";
+        check.invalid(key, format!("{wxyz:?}"), wanted, advice)
+    })
 }

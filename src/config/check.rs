@@ -1,7 +1,7 @@
 //! The rules a value must meet, with one form of message, and the list of defaults that were taken.
 
-use crate::error::{ConfigError, Partly};
-use crate::{document::Document, nearest::with_what_was_meant};
+use crate::document::Document;
+use crate::error::{ConfigError, Partly, Result, with_what_was_meant};
 use core::fmt;
 use std::ops::RangeInclusive;
 
@@ -117,7 +117,7 @@ impl<'a> Checker<'a> {
     }
 
     /// Returns the `name` of what the document describes, or the file's: it is printed, and written into files.
-    pub(super) fn label(&mut self, given: Option<String>) -> Result<String, ConfigError> {
+    pub(super) fn label(&mut self, given: Option<String>) -> Result<String> {
         let name = self.given_or("name", given, self.document.stem());
         let is_printable = !name.trim().is_empty() && !name.chars().any(char::is_control);
         if is_printable && name.chars().count() <= NAME_MAX {
@@ -133,7 +133,7 @@ impl<'a> Checker<'a> {
     }
 
     /// Returns the `name` of a bench or scenario, which is also that of a folder below `out/`.
-    pub(super) fn folder_name(&mut self, given: Option<String>) -> Result<String, ConfigError> {
+    pub(super) fn folder_name(&mut self, given: Option<String>) -> Result<String> {
         let name = self.label(given)?;
         if name.contains(['/', '\\']) || matches!(name.as_str(), "." | "..") {
             let advice = "it names a folder below out/: to write elsewhere, give sink.directory or --out";
@@ -143,7 +143,7 @@ impl<'a> Checker<'a> {
     }
 
     /// Returns the number itself, when it meets the rule.
-    pub(super) fn meets(&self, key: &str, value: f64, rule: Rule, advice: &str) -> Result<f64, ConfigError> {
+    pub(super) fn meets(&self, key: &str, value: f64, rule: Rule, advice: &str) -> Result<f64> {
         if rule.is_met_by(value) { Ok(value) } else { Err(self.invalid(key, value, rule, advice)) }
     }
 
@@ -155,7 +155,7 @@ impl<'a> Checker<'a> {
         default: Option<u32>,
         range: RangeInclusive<u32>,
         advice: &str,
-    ) -> Result<u32, ConfigError> {
+    ) -> Result<u32> {
         let wanted = format!("a whole number from {} to {}", range.start(), range.end());
         let value = match (given, default) {
             (Some(value), _) => value,
@@ -173,7 +173,7 @@ impl<'a> Checker<'a> {
         given: Option<&str>,
         choices: &[(&str, T)],
         advice: &str,
-    ) -> Result<T, ConfigError> {
+    ) -> Result<T> {
         let default = choices.first().map_or("", |(word, _)| word).to_owned();
         let word = self.given_or(key, given.map(str::to_owned), default);
         let found = choices.iter().find(|(known, _)| *known == word).map(|(_, choice)| *choice);
@@ -185,7 +185,7 @@ impl<'a> Checker<'a> {
     }
 
     /// Refuses a key that has a meaning only with another choice.
-    pub(super) fn unused(&self, key: &str, is_given: bool, belongs_to: &str) -> Result<(), ConfigError> {
+    pub(super) fn unused(&self, key: &str, is_given: bool, belongs_to: &str) -> Result<()> {
         if is_given {
             return Err(self.invalid(key, "given", format!("no {key} here"), &format!("it belongs to {belongs_to}")));
         }

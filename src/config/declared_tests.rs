@@ -1,11 +1,12 @@
 //! Reference, schema and templates say what the program reads: no key more, no key less.
 
 use crate::declared::{Declared, Key, Presence};
+use crate::reference::{declared, sample};
+use crate::test_plan_keys::{PlanKeys, RequirementKeys};
 use crate::{Camera, Document, FileKind, Scenario, Spacecraft, check_keys, key_reference, key_schema, key_template};
 use crate::{
-    bench::BenchKeys, camera::CameraKeys, data_set_keys::DataSetKeys, file_keys::declared, key_type::Shape,
-    link_keys::LinkTable, requirement_keys::RequirementKeys, scenario::ScenarioKeys, spacecraft::SpacecraftKeys,
-    template::sample, test_plan_keys::PlanKeys,
+    bench::BenchKeys, camera::CameraKeys, key_type::Shape, link::LinkTable, scenario::ScenarioKeys,
+    spacecraft::SpacecraftKeys, test_plan_keys::DataSetKeys,
 };
 use std::path::Path;
 

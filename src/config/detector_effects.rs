@@ -2,12 +2,12 @@
 //! keys and check of each in one file.
 
 use crate::check::{Checker, Rule};
-use crate::detector_dark::{CELSIUS, MOST_DARK_E_PER_S};
-use crate::detector_pattern::{LineKeys, MapKeys};
-use crate::detector_readout::{GainRule, NonlinearityKeys, RowNoiseKeys};
-use crate::key::{Given, Section, section};
+use crate::detector::{
+    CELSIUS, GainRule, LARGEST_SIDE_PX, LineKeys, MOST_DARK_E_PER_S, MapKeys, NonlinearityKeys, RowNoiseKeys,
+};
+use crate::key::{Given, Section, section, taken};
 use crate::key_type::{Whole, Word};
-use crate::{detector::LARGEST_SIDE_PX, error::ConfigError, radiometry::Exposure};
+use crate::{error::Result, radiometry::Exposure};
 use base::bayer::BayerPattern;
 use image::detector::binning::{Binning, BinningKind, MOST};
 use image::detector::charge_transfer::{ChargeTransfer, MOST_LEFT_BEHIND, OutputCorner};
@@ -242,11 +242,7 @@ pub(super) struct Fits {
 }
 
 /// Checks all tables that are given.
-pub(super) fn check_effects(
-    keys: &DetectorKeys,
-    fits: Fits,
-    check: &mut Checker<'_>,
-) -> Result<SpatialParams, ConfigError> {
+pub(super) fn check_effects(keys: &DetectorKeys, fits: Fits, check: &mut Checker<'_>) -> Result<SpatialParams> {
     let binning = keys.binning.as_ref().map(|keys| binning(keys, fits, check)).transpose()?;
     let by = binning.map_or(1, |binning| binning.factor);
     let (layer, protons) = protons(keys.protons.as_ref(), fits, check)?;
@@ -279,20 +275,16 @@ pub(super) fn check_effects(
     })
 }
 
-fn colour_filter(keys: &ColourFilterKeys, check: &mut Checker<'_>) -> Result<ColourFilter, ConfigError> {
-    Ok(ColourFilter {
-        pattern: keys.pattern().check(check)?,
-        red: keys.red().check(check)?,
-        green: keys.green().check(check)?,
-        blue: keys.blue().check(check)?,
-    })
+fn colour_filter(keys: &ColourFilterKeys, check: &mut Checker<'_>) -> Result<ColourFilter> {
+    taken!(check, keys => pattern, red, green, blue);
+    Ok(ColourFilter { pattern, red, green, blue })
 }
 
-fn blooming(keys: &BloomingKeys, check: &mut Checker<'_>) -> Result<Blooming, ConfigError> {
+fn blooming(keys: &BloomingKeys, check: &mut Checker<'_>) -> Result<Blooming> {
     Ok(Blooming { drained_share: keys.drained_share().check(check)? })
 }
 
-fn transfer(keys: &ChargeTransferKeys, fits: Fits, check: &mut Checker<'_>) -> Result<ChargeTransfer, ConfigError> {
+fn transfer(keys: &ChargeTransferKeys, fits: Fits, check: &mut Checker<'_>) -> Result<ChargeTransfer> {
     let share = |transfers: u32| Rule::Within(0.0, (MOST_LEFT_BEHIND / f64::from(transfers)).min(0.1));
     let [width, height] = fits.size_px;
     Ok(ChargeTransfer {
@@ -302,7 +294,7 @@ fn transfer(keys: &ChargeTransferKeys, fits: Fits, check: &mut Checker<'_>) -> R
     })
 }
 
-fn binning(keys: &BinningKeys, fits: Fits, check: &mut Checker<'_>) -> Result<Binning, ConfigError> {
+fn binning(keys: &BinningKeys, fits: Fits, check: &mut Checker<'_>) -> Result<Binning> {
     let factor = keys.factor().check(check)?;
     for (side, name) in fits.size_px.iter().zip(["width_px", "height_px"]) {
         if !side.is_multiple_of(factor) {
@@ -332,7 +324,7 @@ fn binning(keys: &BinningKeys, fits: Fits, check: &mut Checker<'_>) -> Result<Bi
     Ok(Binning { factor, kind })
 }
 
-fn window(keys: &WindowKeys, fits: Fits, by: u32, check: &mut Checker<'_>) -> Result<Window, ConfigError> {
+fn window(keys: &WindowKeys, fits: Fits, by: u32, check: &mut Checker<'_>) -> Result<Window> {
     let side = |check: &mut Checker<'_>, whole: u32, [first, size]: [Given<'_, Whole>; 2]| {
         let keys = [first.key(), size.key()];
         let first = first.within(0..=i64::from(whole) - 1).check(check)?;
@@ -352,11 +344,7 @@ fn window(keys: &WindowKeys, fits: Fits, by: u32, check: &mut Checker<'_>) -> Re
 }
 
 /// Returns the exposure of a frame: `exposure_s` is that of one stage.
-pub(super) fn tdi_exposure(
-    exposure: Exposure,
-    spatial: &SpatialParams,
-    check: &Checker<'_>,
-) -> Result<Exposure, ConfigError> {
+pub(super) fn tdi_exposure(exposure: Exposure, spatial: &SpatialParams, check: &Checker<'_>) -> Result<Exposure> {
     let Some(tdi) = spatial.tdi else { return Ok(exposure) };
     if exposure.rolling_line_us > 0.0 {
         let (key, got) = ("exposure.rolling_line_us", exposure.rolling_line_us);
@@ -372,14 +360,15 @@ pub(super) fn tdi_exposure(
     Ok(Exposure { exposure_s, ..exposure })
 }
 
-fn defects(keys: &DefectsKeys, check: &mut Checker<'_>) -> Result<DefectPopulation, ConfigError> {
+fn defects(keys: &DefectsKeys, check: &mut Checker<'_>) -> Result<DefectPopulation> {
+    taken!(check, keys => hot_share, hot_e_per_s, dead_share, dead_response, rts_share, rts_e_per_s);
     Ok(DefectPopulation {
-        hot_share: keys.hot_share().check(check)?,
-        hot_e_per_s: keys.hot_e_per_s().check(check)?,
-        dead_share: keys.dead_share().check(check)?,
-        dead_response: keys.dead_response().check(check)?,
-        rts_share: keys.rts_share().check(check)?,
-        rts_e_per_s: keys.rts_e_per_s().check(check)?,
+        hot_share,
+        hot_e_per_s,
+        dead_share,
+        dead_response,
+        rts_share,
+        rts_e_per_s,
         rts_rates: Rates {
             up_per_s: keys.rts_up_per_s().check(check)?,
             down_per_s: keys.rts_down_per_s().check(check)?,
@@ -392,7 +381,7 @@ fn protons(
     keys: Option<&ProtonsKeys>,
     fits: Fits,
     check: &mut Checker<'_>,
-) -> Result<(SensitiveLayer, Option<ProtonFlux>), ConfigError> {
+) -> Result<(SensitiveLayer, Option<ProtonFlux>)> {
     let typical = SensitiveLayer { pixel_pitch_um: fits.pixel_pitch_um, ..SensitiveLayer::TYPICAL };
     let Some(keys) = keys else { return Ok((typical, None)) };
     let IsBeam(is_beam) = keys.direction().check(check)?;
@@ -405,10 +394,7 @@ fn protons(
     };
     let per_cm2_s = keys.per_cm2_s().check(check)?;
     let flux = ProtonFlux { per_cm2_s, energy_mev: keys.energy_mev().check(check)?, direction };
-    let layer = SensitiveLayer {
-        thickness_um: keys.thickness_um().check(check)?,
-        track_width_px: keys.track_width_px().check(check)?,
-        ..typical
-    };
+    taken!(check, keys => thickness_um, track_width_px);
+    let layer = SensitiveLayer { thickness_um, track_width_px, ..typical };
     Ok((layer, (flux.per_cm2_s > 0.0).then_some(flux)))
 }

@@ -2,7 +2,7 @@
 
 use crate::key::{Given, Section, section, taken};
 use crate::key_type::{Any, Raw, Shape, Whole, Word};
-use crate::{check::Checker, error::ConfigError};
+use crate::{check::Checker, error::Result};
 use base::time::Span;
 use outputs::display::{Bits, CardChoice, Corner, Marker, MonitorChoice, Params};
 use serde::Deserialize;
@@ -75,7 +75,7 @@ pub(super) enum MonitorKey {
 
 impl DisplaySettings {
     /// Reads the keys of a sink for a camera's frames of `image_px`, columns and rows.
-    pub(super) fn check(keys: &DisplayKeys, image_px: [u32; 2], check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+    pub(super) fn check(keys: &DisplayKeys, image_px: [u32; 2], check: &mut Checker<'_>) -> Result<Self> {
         let is_calibrated = keys.calibration().is_given();
         if is_calibrated && keys.table() != "sink" {
             let advice = "frames are drawn for one display: name it in [sink], and what keeps its frames beside it";
@@ -107,7 +107,7 @@ impl DisplaySettings {
     }
 
     /// Adds the keys that only a calibrated display has.
-    fn calibrated(self, keys: &DisplayKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+    fn calibrated(self, keys: &DisplayKeys, check: &mut Checker<'_>) -> Result<Self> {
         let path = keys.calibration().raw().filter(|path| !path.trim().is_empty());
         let path = path.ok_or_else(|| keys.calibration().invalid("empty", "a calibration file", check))?;
         let name = keys.name().raw().filter(|name| !name.trim().is_empty());
@@ -119,7 +119,7 @@ impl DisplaySettings {
     }
 }
 
-fn monitor(given: &Given<'_, Raw<MonitorKey>>, check: &mut Checker<'_>) -> Result<MonitorChoice, ConfigError> {
+fn monitor(given: &Given<'_, Raw<MonitorKey>>, check: &mut Checker<'_>) -> Result<MonitorChoice> {
     match given.raw() {
         None => {
             check.note(&given.key(), "primary");
@@ -137,7 +137,7 @@ fn monitor(given: &Given<'_, Raw<MonitorKey>>, check: &mut Checker<'_>) -> Resul
     }
 }
 
-fn direct_scanout(keys: &DisplayKeys, check: &mut Checker<'_>) -> Result<Option<CardChoice>, ConfigError> {
+fn direct_scanout(keys: &DisplayKeys, check: &mut Checker<'_>) -> Result<Option<CardChoice>> {
     if !keys.direct_scanout().check(check)? {
         keys.refuse(&["card"], "direct_scanout = true", check)?;
         return Ok(None);
@@ -155,7 +155,7 @@ fn window(
     given: &Given<'_, Raw<[i64; 2]>>,
     image_px: Option<[u32; 2]>,
     check: &mut Checker<'_>,
-) -> Result<Option<[u32; 2]>, ConfigError> {
+) -> Result<Option<[u32; 2]>> {
     let Some(sides) = given.raw() else { return Ok(None) };
     let mut window_px = [0; 2];
     for (side, length) in window_px.iter_mut().zip(sides) {
@@ -168,11 +168,7 @@ fn window(
     Ok(Some(window_px))
 }
 
-fn marker(
-    keys: &DisplayKeys,
-    image_px: Option<[u32; 2]>,
-    check: &mut Checker<'_>,
-) -> Result<Option<Marker>, ConfigError> {
+fn marker(keys: &DisplayKeys, image_px: Option<[u32; 2]>, check: &mut Checker<'_>) -> Result<Option<Marker>> {
     // Of a calibrated display the size is not known here: its marker is compared with it when it is opened.
     let longest = image_px.map_or(LONGEST_PX, |[columns, rows]| i64::from(columns.min(rows)));
     let size_px = keys.marker_px().within(0..=longest).check(check)?;
@@ -191,11 +187,11 @@ mod tests {
 
     const IMAGE_PX: [u32; 2] = [640, 480];
 
-    fn read(text: &str) -> Result<DisplaySettings, ConfigError> {
+    fn read(text: &str) -> Result<DisplaySettings> {
         read_as("sink", text)
     }
 
-    fn read_as(table: &str, text: &str) -> Result<DisplaySettings, ConfigError> {
+    fn read_as(table: &str, text: &str) -> Result<DisplaySettings> {
         #[derive(Deserialize)]
         struct File {
             sink: DisplayKeys,

@@ -1,8 +1,12 @@
 //! One TOML text and where it came from: a file, or compiled in.
+//!
+//! The part of a TOML text that an error is about, and the text without it.
 
+use crate::error::{ConfigError, Result};
 use crate::packed::{PackedDocuments, joined};
-use crate::{blame::without_the_blamed, error::ConfigError, setting::Setting};
+use crate::setting::Setting;
 use base::input_file::{DATA_BYTES, SETTINGS_BYTES, read_bytes, read_text};
+use core::ops::Range;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 use toml::de::{DeTable, DeValue};
@@ -89,7 +93,7 @@ impl Document {
     ///
     /// # Errors
     /// When it cannot be read.
-    pub fn open(path: &Path) -> Result<Self, ConfigError> {
+    pub fn open(path: &Path) -> Result<Self> {
         let below_configs = path.strip_prefix("configs").unwrap_or(path);
         let is_built_in = BUILT_IN.iter().any(|(known, _)| Path::new(known) == below_configs);
         if is_built_in && !path.exists() {
@@ -115,7 +119,7 @@ impl Document {
         (settings.len() < self.settings.len()).then(|| self.clone().with_settings(settings))
     }
 
-    fn read(path: &Path, named_by: String) -> Result<Self, ConfigError> {
+    fn read(path: &Path, named_by: String) -> Result<Self> {
         let refuse = |error: std::io::Error| ConfigError::Read {
             file: path.display().to_string(),
             why: reason(&error),
@@ -129,7 +133,7 @@ impl Document {
     ///
     /// # Errors
     /// When a value has no form in TOML, such as null.
-    pub(super) fn of_json(keys: &serde_json::Map<String, serde_json::Value>, name: &Path) -> Result<Self, ConfigError> {
+    pub(super) fn of_json(keys: &serde_json::Map<String, serde_json::Value>, name: &Path) -> Result<Self> {
         let text = toml::to_string(keys).map_err(|error| ConfigError::Syntax {
             place: name.display().to_string(),
             why: format!("{error}; leave out what has no value"),
@@ -160,7 +164,7 @@ impl Document {
     ///
     /// # Errors
     /// When the binary has none of that name; the message lists those it has.
-    pub fn built_in(path: &str) -> Result<Self, ConfigError> {
+    pub fn built_in(path: &str) -> Result<Self> {
         Self::find_built_in(Path::new(path), String::new())
     }
 
@@ -169,7 +173,7 @@ impl Document {
         BUILT_IN.iter().map(|(path, _)| *path)
     }
 
-    fn find_built_in(path: &Path, named_by: String) -> Result<Self, ConfigError> {
+    fn find_built_in(path: &Path, named_by: String) -> Result<Self> {
         let found = BUILT_IN.iter().find(|(known, _)| Path::new(known) == path);
         let names = || Self::built_in_paths().collect::<Vec<_>>().join(", ");
         let (known, text) = found.ok_or_else(|| ConfigError::Read {
@@ -181,7 +185,7 @@ impl Document {
     }
 
     /// Returns the document that the value of `key` names, relative to this one.
-    pub(super) fn named(&self, key: &str, path: &str) -> Result<Self, ConfigError> {
+    pub(super) fn named(&self, key: &str, path: &str) -> Result<Self> {
         let named_by = format!("; named by {key} in {}: paths are relative to the file that names them", self.name());
         let directory = |own: &PathBuf| own.parent().map(Path::to_path_buf).unwrap_or_default();
         let document = match &self.origin {
@@ -214,7 +218,7 @@ impl Document {
     }
 
     /// Returns the bytes of the file that the value of `key` names, relative to this one.
-    pub(super) fn bytes_of(&self, key: &str, path: &str) -> Result<Vec<u8>, ConfigError> {
+    pub(super) fn bytes_of(&self, key: &str, path: &str) -> Result<Vec<u8>> {
         let path = self.data_beside(path);
         let named_by = format!("; named by {key} in {}: paths are relative to the file that names them", self.name());
         let why = |error: std::io::Error| ConfigError::Read {
@@ -238,11 +242,11 @@ impl Document {
     ///
     /// # Errors
     /// When it is not there.
-    pub fn packed(set: PackedDocuments) -> Result<Self, ConfigError> {
+    pub fn packed(set: PackedDocuments) -> Result<Self> {
         Self::unpack(&Arc::new(set), "", String::new())
     }
 
-    fn unpack(set: &Arc<PackedDocuments>, keys: &str, named_by: String) -> Result<Self, ConfigError> {
+    fn unpack(set: &Arc<PackedDocuments>, keys: &str, named_by: String) -> Result<Self> {
         let missing =
             || ConfigError::Read { file: format!("packed \"{keys}\""), why: "it was not packed".into(), named_by };
         let text = set.text_of(keys).ok_or_else(missing)?.to_owned();
@@ -350,4 +354,94 @@ fn without_dots(path: &Path) -> PathBuf {
         }
         clean
     })
+}
+
+/// Returns the text with what `error` is about blanked out, line numbers kept; `None` when that cannot be found, or
+/// when the rest is not TOML. `name` is how messages call the document.
+pub(super) fn without_the_blamed(text: &str, name: &str, error: &ConfigError) -> Option<String> {
+    let parsed = DeTable::parse(text).ok()?;
+    let root = parsed.get_ref();
+    let range = if let ConfigError::UnknownKey { place, .. } | ConfigError::Syntax { place, .. } = error {
+        let line: usize = place.strip_prefix(name)?.strip_prefix(':')?.parse().ok()?;
+        range_on_line(root, text, line)?
+    } else if let ConfigError::Invalid { place, key, .. } = error
+        && place.starts_with(name)
+    {
+        range_of_blamed(root, key)?
+    } else {
+        return None;
+    };
+    let blanked = blanked(text, with_its_table(text, range))?;
+    DeTable::parse(&blanked).is_ok().then_some(blanked)
+}
+
+/// Returns the bytes of a key, with its whole table where the table has no meaning without it.
+fn range_of_blamed(root: &DeTable<'_>, key: &str) -> Option<Range<usize>> {
+    let chooses = key.ends_with(".kind") || key.ends_with(".model");
+    let own = range_of_key(root, key);
+    let table = key.rsplit_once('.').map(|(table, _)| table).filter(|table| !table.ends_with(']'));
+    own.clone().filter(|_| !chooses).or_else(|| range_of_key(root, table?)).or(own)
+}
+
+/// Returns the bytes of a key such as `link.bit_rate` or `event[1].for_s`, with its value.
+fn range_of_key(root: &DeTable<'_>, key: &str) -> Option<Range<usize>> {
+    let mut table = root;
+    let mut steps = key.split('.').peekable();
+    while let Some(step) = steps.next() {
+        let (name, place) = match step.split_once('[') {
+            Some((name, rest)) => (name, rest.trim_end_matches(']').parse::<usize>().ok()),
+            None => (step, None),
+        };
+        let (spanned, value) = table.get_key_value(name)?;
+        if steps.peek().is_none() {
+            return Some(spanned.span().start..value.span().end);
+        }
+        let value = match (value.get_ref(), place) {
+            (DeValue::Array(items), Some(place)) => items.get(place)?.get_ref(),
+            (value, _) => value,
+        };
+        let DeValue::Table(inner) = value else { return None };
+        table = inner;
+    }
+    None
+}
+
+/// Returns the innermost key that begins on a line, with its value.
+fn range_on_line(table: &DeTable<'_>, text: &str, line: usize) -> Option<Range<usize>> {
+    let line_of = |offset: usize| 1 + text.bytes().take(offset).filter(|byte| *byte == b'\n').count();
+    table.iter().find_map(|(key, value)| {
+        let in_table = |value: &DeValue<'_>| {
+            if let DeValue::Table(inner) = value { range_on_line(inner, text, line) } else { None }
+        };
+        let inner = if let DeValue::Array(items) = value.get_ref() {
+            items.iter().find_map(|item| in_table(item.get_ref()))
+        } else {
+            in_table(value.get_ref())
+        };
+        let is_here = line_of(key.span().start) == line || line_of(value.span().start) == line;
+        inner.or_else(|| is_here.then(|| key.span().start..value.span().end))
+    })
+}
+
+/// Extends a table's header to all lines below it, up to the next header.
+fn with_its_table(text: &str, range: Range<usize>) -> Range<usize> {
+    let line_start = text[..range.start].rfind('\n').map_or(0, |end| end + 1);
+    if !text[line_start..].trim_start().starts_with('[') {
+        return range;
+    }
+    let mut end = line_start;
+    for (number, line) in text[line_start..].split_inclusive('\n').enumerate() {
+        if number > 0 && line.trim_start().starts_with('[') {
+            break;
+        }
+        end += line.len();
+    }
+    line_start..end
+}
+
+/// Returns the text with blanks in place of a range; `None` when the range does not end at whole characters.
+fn blanked(text: &str, range: Range<usize>) -> Option<String> {
+    let inside = text.get(range.clone())?;
+    let blanks: String = inside.chars().map(|c| if c == '\n' { '\n' } else { ' ' }).collect();
+    Some(format!("{}{blanks}{}", &text[..range.start], &text[range.end..]))
 }

@@ -1,11 +1,11 @@
 //! `[[event]]`: commands to the flight computer and faults, each at its time.
 //!
 //! A key that a word has no use for is refused: it would be given in vain. Words: `event_word`; their values:
-//! `event_reader`, `event_writer`. Tests: `event_tests`.
+//! `event_reader`. Tests: `event_tests`.
 
-use crate::event_word::{ACTIONS, EventKeys, OF_ALL};
+use crate::event_word::{ACTIONS, EventKeys, OF_ALL, words};
 use crate::key::{Given, Section};
-use crate::{check::Checker, document::Document, error::ConfigError, event_reader::Reader, event_row::words};
+use crate::{check::Checker, document::Document, error::Result, event_reader::Reader};
 use base::time::Span;
 use frames::sink::FrameFault;
 use link::tap::LinkFault;
@@ -88,19 +88,14 @@ impl Event {
         event: &serde_json::Map<String, serde_json::Value>,
         now_s: f64,
         frame_period: Span,
-    ) -> Result<Self, ConfigError> {
+    ) -> Result<Self> {
         let document = Document::of_json(event, Path::new("injected event"))?;
         let keys = document.read_as::<EventKeys>()?.begun_by(now_s.max(0.0));
         Self::check(&keys, 0, frame_period, &mut Checker::new(&document))
     }
 
     /// Checks `keys`, the event number `place` of the document.
-    pub(super) fn check(
-        keys: &EventKeys,
-        place: usize,
-        frame_period: Span,
-        check: &mut Checker<'_>,
-    ) -> Result<Self, ConfigError> {
+    pub(super) fn check(keys: &EventKeys, place: usize, frame_period: Span, check: &mut Checker<'_>) -> Result<Self> {
         let keys = keys.at(&format!("event[{place}]"));
         if !keys.r#do().is_given() {
             return Err(keys.r#do().missing(format!("one of {}", words(|_| true)), check));
@@ -135,7 +130,7 @@ impl Event {
 
 impl Pointing {
     /// Reads right ascension, declination and roll, which may be left out.
-    pub(super) fn check(angles: [Given<'_, f64>; 3], check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+    pub(super) fn check(angles: [Given<'_, f64>; 3], check: &mut Checker<'_>) -> Result<Self> {
         let [ra, dec, roll] = angles;
         Ok(Self { ra_deg: ra.check(check)?, dec_deg: dec.check(check)?, roll_deg: roll.check(check)? })
     }

@@ -1,7 +1,7 @@
 //! Every word takes its own keys, asks for those it needs, and refuses all others.
 
 use super::*;
-use crate::{event_row::Row, event_word::link_flag};
+use crate::event_word::{Row, link_flag};
 use firmware_protocol::can::CanId;
 use frames::sink::FaultFlags;
 use link::tap::LinkFault;
@@ -210,7 +210,7 @@ fn contradicting_times_are_refused() {
 
 #[test]
 fn defects_and_storms_are_read_as_they_are_given() {
-    use frames::sink::{DefectSpots, FaultPixels, FrameFault, PixelFault, ProtonStorm};
+    use frames::sink::{CameraFault, DefectSpots, FaultPixels, FrameFault, ImageFault, PixelFault, ProtonStorm};
     let fault = |word: &str, lines: &str| {
         let text = format!("do = \"{word}\"\nat_s = 1.0\nfor_s = 2.0\n{lines}");
         let document = Document::from_text(&text, Path::new("lab/event.toml"));
@@ -221,16 +221,19 @@ fn defects_and_storms_are_read_as_they_are_given() {
     };
     let none = FaultPixels { at: None, random: 0 };
     let column = DefectSpots { pixels: none, column: Some(7), row: None };
-    let stuck = FrameFault::Pixels { spots: column, fault: PixelFault::Stuck { dn: 12 } };
+    let stuck = FrameFault::Camera(CameraFault::Pixels { spots: column, fault: PixelFault::Stuck { dn: 12 } });
     assert_eq!(fault("stuck_pixels", "dn = 12\ncolumn = 7\n"), stuck);
     let random = DefectSpots { pixels: FaultPixels { random: 1, ..none }, column: None, row: None };
-    let hot = FrameFault::Pixels { spots: random, fault: PixelFault::Hot { e_per_s: 5.0 } };
+    let hot = FrameFault::Camera(CameraFault::Pixels { spots: random, fault: PixelFault::Hot { e_per_s: 5.0 } });
     assert_eq!(fault("hot_pixels", "e_per_s = 5.0\n"), hot, "one pixel at random");
     let all = ProtonStorm { per_cm2_s: 9.0, energy_mev: 60.0, beam_deg: None };
-    assert_eq!(fault("proton_storm", "per_cm2_s = 9.0\nenergy_mev = 60.0\n"), FrameFault::Protons(all));
+    assert_eq!(
+        fault("proton_storm", "per_cm2_s = 9.0\nenergy_mev = 60.0\n"),
+        FrameFault::Image(ImageFault::Protons(all))
+    );
     let beam = ProtonStorm { beam_deg: Some([30.0, 0.0]), ..all };
     let lines = "per_cm2_s = 9.0\nenergy_mev = 60.0\nincidence_deg = 30.0\n";
-    assert_eq!(fault("proton_storm", lines), FrameFault::Protons(beam));
+    assert_eq!(fault("proton_storm", lines), FrameFault::Image(ImageFault::Protons(beam)));
 }
 
 /// Words whose flag has another name, each with the reason. Flags are in telemetry and files: their names stay.

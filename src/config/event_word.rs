@@ -1,15 +1,145 @@
 //! The words of `[[event]]`: its keys, a row for every word, and the flags of faults of the bus.
 //!
-//! What a row says is in `event_row`. Old files stay readable: words and keys are added, not renamed.
+//! Old files stay readable: words and keys are added, not renamed. A row has the timing of a word, its keys, and the
+//! action that they make.
+//!
+//! ```text
+//! "bus_delay" Lasts (delay_ms) [jitter_ms] => Bus(LinkFault::Delay { by: delay_ms, jitter: jitter_ms });
+//! ```
+//!
+//! the word, its [`Timing`], the keys that it needs, those that may be left out, and the variant of [`Action`](crate::event::Action).
+//! The variant is an expression when a file is read and a pattern when an event is named or written, so that one row does
+//! all three, and an action without a row does not compile. A key may have bounds of its own (`share.advised(..)`).
+//! Several keys may make one value: `pixels(4096) of (px, count)` is read by `Reader::pixels`. How values are written:
+//! `event_reader`.
 
 use crate::event::{Action, Pointing};
-use crate::event_row::{Row, rows};
+use crate::event_reader::{Identifier, Reader};
 use crate::key_type::{Raw, Shape, Whole, Word};
-use crate::{check::Rule::PositiveUpTo, event_reader::Identifier, key::section};
-use frames::sink::{FaultFlags, FrameFault, PixelFault, ProtonStorm};
+use crate::{check::Rule::PositiveUpTo, error::Result, key::section};
+use frames::sink::FrameFault::{Camera, Image, Sending};
+use frames::sink::{CameraFault, FaultFlags, ImageFault, PixelFault, ProtonStorm, SendingFault};
 use image::detector::protons::stopping_power::DOMAIN_MEV;
 use link::tap::LinkFault;
 use testbed::vehicle::VehicleFault;
+
+/// When an event happens.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Timing {
+    /// At an instant.
+    Once,
+    /// From an instant for a time.
+    Lasts,
+    /// The same, or after a trigger.
+    Waits,
+}
+
+/// Everything about a word except its name.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Row {
+    pub(super) timing: Timing,
+    /// Keys by the value that they make.
+    pub(super) needed: &'static [&'static [&'static str]],
+    pub(super) optional: &'static [&'static [&'static str]],
+    pub(super) read: fn(&mut Reader<'_, '_>) -> Result<Action>,
+}
+
+impl Row {
+    /// Returns the keys that go with it beside those of all: those it needs, and those that may be left out.
+    pub(super) fn keys(&self) -> [Vec<&'static str>; 2] {
+        let length = self.lasts().then_some("for_s");
+        [length.into_iter().chain(self.needed.concat()).collect(), self.optional.concat()]
+    }
+
+    pub(super) fn has_key(&self, name: &str) -> bool {
+        self.keys().concat().contains(&name)
+    }
+
+    pub(super) fn lasts(&self) -> bool {
+        self.timing != Timing::Once
+    }
+}
+
+/// Returns the words whose row is wanted, each in quotes.
+pub(super) fn words(is_wanted: impl Fn(&Row) -> bool) -> String {
+    let wanted = ACTIONS.iter().filter(|(_, row)| is_wanted(row));
+    wanted.map(|(word, _)| format!("\"{word}\"")).collect::<Vec<_>>().join(", ")
+}
+
+/// The words: see the top of this file.
+macro_rules! rows {
+    ($(
+        $word:literal $timing:ident
+        ($(
+            $needed:ident
+            $(($($need:expr),*) of ($($needed_key:ident),+))?
+            $(. $need_method:ident ($($need_bound:expr),*))*
+        ),*)
+        [$(
+            $optional:ident
+            $(($($option:expr),*) of ($($optional_key:ident),+))?
+            $(. $option_method:ident ($($option_bound:expr),*))*
+        ),*]
+        => $variant:ident $value:tt;
+    )+) => {
+        /// Every word for `do` with its row.
+        pub(super) const ACTIONS: &[(&str, Row)] = &[$((
+            $word,
+            Row {
+                timing: Timing::$timing,
+                needed: &[$(keys_of!($needed $(($($needed_key),+))?)),*],
+                optional: &[$(keys_of!($optional $(($($optional_key),+))?)),*],
+                read: |reader| {
+                    let _ = &reader;
+                    $( let $needed = read!(
+                        reader, $needed $(($($need),*))? $(. $need_method ($($need_bound),*))*
+                    ); )*
+                    $( let $optional = read!(
+                        reader, $optional $(($($option),*))? $(. $option_method ($($option_bound),*))*
+                    ); )*
+                    Ok(Action::$variant $value)
+                },
+            },
+        )),+];
+
+        impl Action {
+            /// Returns its word for `do` in `[[event]]`, which events and reports name it by.
+            #[allow(unused_variables, reason = "a row's pattern binds what `keys` writes")]
+            pub fn word(&self) -> &'static str {
+                match *self {
+                    $( Self::$variant $value => $word, )+
+                }
+            }
+
+            /// Returns the keys that make it again, with their values.
+            pub(super) fn keys(&self) -> $crate::event_reader::Keys {
+                use $crate::event_reader::Written;
+                let mut keys = Vec::new();
+                match *self {
+                    $( Self::$variant $value => {
+                        $( $needed.write(stringify!($needed), &mut keys); )*
+                        $( $optional.write(stringify!($optional), &mut keys); )*
+                    } )+
+                }
+                keys
+            }
+        }
+    };
+}
+
+/// The names of the keys of one value.
+macro_rules! keys_of {
+    ($key:ident) => { &[stringify!($key)] };
+    ($value:ident ($($key:ident),+)) => { &[$(stringify!($key)),+] };
+}
+
+/// The value of one key, or of several.
+macro_rules! read {
+    ($reader:ident, $key:ident $(. $method:ident ($($bound:expr),*))*) => {
+        $crate::event_reader::Taken::taken($reader.keys.$key() $(. $method($($bound),*))*, $reader.check)?
+    };
+    ($reader:ident, $value:ident ($($bound:expr),*)) => { $reader.$value($($bound),*)? };
+}
 
 section! {
     /// A command to the flight computer, or a fault, at its time.
@@ -137,39 +267,42 @@ rows! {
     "clock_step" Lasts (step_ms) [] => Bus(LinkFault::ClockStep { by: step_ms });
     "clock_drift" Lasts (ppm) [] => Bus(LinkFault::ClockDrift { ppm });
     "bus_back_loss" Lasts (share) [] => BusBackLoss { share };
-    "frame_drop" Waits () [head] => Frame { head, fault: FrameFault::Drop };
-    "frame_duplicate" Waits () [head] => Frame { head, fault: FrameFault::Duplicate };
-    "frame_late" Waits (late_ms) [head] => Frame { head, fault: FrameFault::Late(late_ms) };
-    "frame_torn" Waits () [head] => Frame { head, fault: FrameFault::Torn };
-    "frame_blank" Waits () [head] => Frame { head, fault: FrameFault::Blank };
+    "frame_drop" Waits () [head] => Frame { head, fault: Sending(SendingFault::Drop) };
+    "frame_duplicate" Waits () [head] => Frame { head, fault: Sending(SendingFault::Duplicate) };
+    "frame_late" Waits (late_ms) [head] => Frame { head, fault: Sending(SendingFault::Late(late_ms)) };
+    "frame_torn" Waits () [head] => Frame { head, fault: Sending(SendingFault::Torn) };
+    "frame_blank" Waits () [head] => Frame { head, fault: Image(ImageFault::Blank) };
     "frame_bit_flip" Waits (bit) [pixels(1_000_000) of (px, count), head]
-        => Frame { head, fault: FrameFault::BitFlip { bit, pixels } };
-    "stray_light" Waits (e_per_s) [head] => Frame { head, fault: FrameFault::StrayLight { e_per_s } };
+        => Frame { head, fault: Image(ImageFault::BitFlip { bit, pixels }) };
+    "stray_light" Waits (e_per_s) [head] => Frame { head, fault: Image(ImageFault::StrayLight { e_per_s }) };
     "stray_light_ramp" Waits (from_e_per_s, to_e_per_s) [head]
-        => Frame { head, fault: FrameFault::StrayLightRamp { from_e_per_s, to_e_per_s } };
-    "defocus_step" Waits (sigma_px) [head] => Frame { head, fault: FrameFault::Defocus { sigma_px } };
+        => Frame { head, fault: Image(ImageFault::StrayLightRamp { from_e_per_s, to_e_per_s }) };
+    "defocus_step" Waits (sigma_px) [head] => Frame { head, fault: Camera(CameraFault::Defocus { sigma_px }) };
     "contamination" Waits (throughput) [to_throughput.or_silently(throughput), head]
-        => Frame { head, fault: FrameFault::Contamination { from_share: throughput, to_share: to_throughput } };
-    "temperature_step" Waits (by_k) [head] => Frame { head, fault: FrameFault::TemperatureStep { by_k } };
-    "saturation" Waits () [full_wells, head] => Frame { head, fault: FrameFault::Saturation { full_wells } };
+        => Frame { head, fault: Image(ImageFault::Contamination { from_share: throughput, to_share: to_throughput }) };
+    "temperature_step" Waits (by_k) [head] => Frame { head, fault: Image(ImageFault::TemperatureStep { by_k }) };
+    "saturation" Waits () [full_wells, head] => Frame { head, fault: Image(ImageFault::Saturation { full_wells }) };
     "false_stars" Waits (mag) [pixels(4096) of (px, count), head]
-        => Frame { head, fault: FrameFault::FalseStars { pixels, mag } };
+        => Frame { head, fault: Image(ImageFault::FalseStars { pixels, mag }) };
     "missing_stars" Waits (share.advised("a share of the catalog's stars, 0 to 1")) [head]
-        => Frame { head, fault: FrameFault::MissingStars { share } };
+        => Frame { head, fault: Image(ImageFault::MissingStars { share }) };
     "missing_bright_stars" Waits (count.within(0..=100_000).advised("how many of the brightest stars")) [head]
-        => Frame { head, fault: FrameFault::MissingBrightStars { count } };
+        => Frame { head, fault: Image(ImageFault::MissingBrightStars { count }) };
     "hot_pixels" Waits (e_per_s.within(PositiveUpTo(1e9)).advised("electrons per second more"))
         [spots() of (px, column, row, count), head]
-        => Frame { head, fault: FrameFault::Pixels { spots, fault: PixelFault::Hot { e_per_s } } };
+        => Frame { head, fault: Camera(CameraFault::Pixels { spots, fault: PixelFault::Hot { e_per_s } }) };
     "dead_pixels" Waits () [response, spots() of (px, column, row, count), head]
-        => Frame { head, fault: FrameFault::Pixels { spots, fault: PixelFault::Dead { response } } };
+        => Frame { head, fault: Camera(CameraFault::Pixels { spots, fault: PixelFault::Dead { response } }) };
     "rts_pixels" Waits (e_per_s.within(PositiveUpTo(1e9)).advised("at the high level"))
         [high_s, low_s, spots() of (px, column, row, count), head]
-        => Frame { head, fault: FrameFault::Pixels { spots, fault: PixelFault::Rts { e_per_s, high_s, low_s } } };
+        => Frame {
+            head,
+            fault: Camera(CameraFault::Pixels { spots, fault: PixelFault::Rts { e_per_s, high_s, low_s } }),
+        };
     "stuck_pixels" Waits (dn) [spots() of (px, column, row, count), head]
-        => Frame { head, fault: FrameFault::Pixels { spots, fault: PixelFault::Stuck { dn } } };
+        => Frame { head, fault: Camera(CameraFault::Pixels { spots, fault: PixelFault::Stuck { dn } }) };
     "proton_storm" Waits (per_cm2_s, energy_mev) [beam_deg() of (incidence_deg, azimuth_deg), head]
-        => Frame { head, fault: FrameFault::Protons(ProtonStorm { per_cm2_s, energy_mev, beam_deg }) };
+        => Frame { head, fault: Image(ImageFault::Protons(ProtonStorm { per_cm2_s, energy_mev, beam_deg })) };
     "gyro_dropout" Lasts () [] => Aboard(VehicleFault::GyroDropout);
     "gyro_stuck" Lasts () [] => Aboard(VehicleFault::GyroStuck);
     "gyro_bias_jump" Once (rate_deg_h) [] => Aboard(VehicleFault::GyroBiasJump(rate_deg_h));

@@ -1,7 +1,7 @@
 //! `[expect]`: what must come true for a run to have passed.
 
 use crate::check::{Checker, Rule};
-use crate::error::ConfigError;
+use crate::error::Result;
 use crate::key::{Section, section, taken};
 use crate::key_type::{Any, Whole, Word};
 use core::ops::RangeInclusive;
@@ -111,7 +111,7 @@ const OF_VEHICLE: [&str; 10] = [
 ];
 
 impl ExpectFrames {
-    fn check(keys: &ExpectKeys, check: &Checker<'_>) -> Result<Self, ConfigError> {
+    fn check(keys: &ExpectKeys, check: &Checker<'_>) -> Result<Self> {
         Ok(Self {
             limits: RunLimits {
                 late: keys.late_frames_at_most().optional(check)?,
@@ -131,12 +131,7 @@ impl ExpectFrames {
 
 impl Expect {
     /// Checks what is expected of a run of this duration, in which a vehicle `is_flown` or not.
-    pub(super) fn check(
-        keys: &ExpectKeys,
-        duration_s: f64,
-        is_flown: bool,
-        check: &mut Checker<'_>,
-    ) -> Result<Self, ConfigError> {
+    pub(super) fn check(keys: &ExpectKeys, duration_s: f64, is_flown: bool, check: &mut Checker<'_>) -> Result<Self> {
         let frames = ExpectFrames::check(keys, check)?;
         if !is_flown {
             keys.refuse(&OF_VEHICLE, "a run with a spacecraft, whose pointing it judges", check)?;
@@ -147,12 +142,7 @@ impl Expect {
         Self::check_flown(keys, duration_s, frames, check)
     }
 
-    fn check_flown(
-        keys: &ExpectKeys,
-        duration_s: f64,
-        frames: ExpectFrames,
-        check: &mut Checker<'_>,
-    ) -> Result<Self, ConfigError> {
+    fn check_flown(keys: &ExpectKeys, duration_s: f64, frames: ExpectFrames, check: &mut Checker<'_>) -> Result<Self> {
         let final_mode = keys.final_mode().check(check)?;
         let judged = format!("seconds at the end of the run that are judged, and the run lasts {duration_s} s");
         let window = keys.window_s().or(0.25 * duration_s).within(Rule::PositiveUpTo(duration_s)).advised(judged);

@@ -1,6 +1,7 @@
 //! Kinds of configuration files, and the refusal of one in the place of another.
 
-use crate::{document::Document, error::ConfigError};
+use crate::document::Document;
+use crate::error::{ConfigError, Result};
 
 /// The kinds of files below `configs/`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -94,12 +95,12 @@ impl FileKind {
 }
 
 /// Refuses a document of another kind than `wanted`.
-pub(super) fn must_be(wanted: FileKind, document: &Document) -> Result<(), ConfigError> {
+pub(super) fn must_be(wanted: FileKind, document: &Document) -> Result<()> {
     must_be_one_of(&[wanted], document)
 }
 
 /// Refuses a document of a kind that is not among those wanted; the message names the first of them.
-pub(super) fn must_be_one_of(wanted: &[FileKind], document: &Document) -> Result<(), ConfigError> {
+pub(super) fn must_be_one_of(wanted: &[FileKind], document: &Document) -> Result<()> {
     let got = FileKind::of(document);
     let is_unclear = got == FileKind::Bench && !BENCH_KEYS.iter().any(|key| document.has_key(key));
     let Some(first) = wanted.first() else { return Ok(()) };

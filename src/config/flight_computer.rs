@@ -2,11 +2,12 @@
 
 use crate::key::{Section, listed, section, taken};
 use crate::motion::{Motion, MotionKeys};
-use crate::{check::Checker, error::ConfigError, key_type::Word};
+use crate::{check::Checker, error::Result, key_type::Word};
 use base::units::{ARCSEC, DEG};
 use core::f64::consts::PI;
 use glam::DVec3;
 use plan::attitude::{JitterLine, MOST_ACCELERATION_RAD_S2, MOST_RATE_RAD_S};
+use testbed::flight_computer::JitterLineParams;
 
 /// Least and largest right ascension that is taken, degrees: one turn to either side.
 pub const RIGHT_ASCENSION_DEG: [f64; 2] = [-360.0, 360.0];
@@ -24,28 +25,6 @@ pub enum JitterSource {
     Lines,
     /// As samples over the bus.
     Samples,
-}
-
-/// One line of the jitter spectrum, sensor axes.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct JitterLineSettings {
-    /// Frequency, Hz.
-    pub frequency_hz: f64,
-    /// Amplitude about the sensor's x, y and z axes, arcsec.
-    pub amplitude_arcsec: [f64; 3],
-    /// Phase at the start of the run, deg.
-    pub phase_deg: f64,
-}
-
-impl JitterLineSettings {
-    /// Returns the line as `plan::attitude` takes it, its epoch being the start of the run.
-    pub fn line(&self) -> JitterLine {
-        JitterLine {
-            frequency_hz: self.frequency_hz,
-            amplitude_rad: DVec3::from_array(self.amplitude_arcsec) * ARCSEC,
-            phase_rad: self.phase_deg * DEG,
-        }
-    }
 }
 
 /// A rest-to-rest turn.
@@ -79,7 +58,7 @@ pub struct FlightComputer {
     /// Another motion.
     pub motion: Option<Motion>,
     /// Jitter of the line of sight.
-    pub jitter_lines: Vec<JitterLineSettings>,
+    pub jitter_lines: Vec<JitterLineParams>,
     /// How it reaches the stimulator.
     pub jitter_source: JitterSource,
     /// Samples per second when it is sent as samples.
@@ -147,11 +126,7 @@ pub(super) struct IsExternal(bool);
 
 impl FlightComputer {
     /// Checks the flight computer; without `kind` it is the external one where the plant `is_outside`.
-    pub(super) fn check(
-        keys: &FlightComputerKeys,
-        is_outside: bool,
-        check: &mut Checker<'_>,
-    ) -> Result<Self, ConfigError> {
+    pub(super) fn check(keys: &FlightComputerKeys, is_outside: bool, check: &mut Checker<'_>) -> Result<Self> {
         let kind = keys.kind();
         let IsExternal(is_external) =
             if is_outside && !kind.is_given() { IsExternal(true) } else { kind.check(check)? };
@@ -195,8 +170,17 @@ impl FlightComputer {
         Ok(checked)
     }
 
+    /// Returns the lines as `plan::attitude` takes them, their epoch being the start of the run.
+    pub fn known_lines(&self) -> impl Iterator<Item = JitterLine> + '_ {
+        self.jitter_lines.iter().map(|line| JitterLine {
+            frequency_hz: line.frequency_hz,
+            amplitude_rad: DVec3::from_array(line.amplitude_arcsec) * ARCSEC,
+            phase_rad: line.phase_rad,
+        })
+    }
+
     /// Refuses a slew or a path that would never begin.
-    pub(super) fn check_slew_begins_before(&self, duration_s: f64, check: &Checker<'_>) -> Result<(), ConfigError> {
+    pub(super) fn check_slew_begins_before(&self, duration_s: f64, check: &Checker<'_>) -> Result<()> {
         let slew = self.slew.as_ref().map(|slew| ("flight_computer.slew.start_s", slew.start_s));
         let path = self.motion.as_ref().and_then(Motion::first_s).map(|first_s| (FIRST_WAYPOINT, first_s));
         let Some((key, begin_s)) = slew.or(path).filter(|(_, begin_s)| *begin_s >= duration_s) else { return Ok(()) };
@@ -205,7 +189,7 @@ impl FlightComputer {
     }
 
     /// Samples must be able to carry the lines.
-    fn check_sampling(&self, check: &Checker<'_>) -> Result<(), ConfigError> {
+    fn check_sampling(&self, check: &Checker<'_>) -> Result<()> {
         for (key, hz) in [("attitude_hz", self.attitude_hz), ("jitter_sample_hz", self.jitter_sample_hz)] {
             if hz.fract() != 0.0 {
                 let key = format!("flight_computer.{key}");
@@ -223,7 +207,7 @@ impl FlightComputer {
 }
 
 impl Slew {
-    fn check(keys: &SlewKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+    fn check(keys: &SlewKeys, check: &mut Checker<'_>) -> Result<Self> {
         let wanted = "three finite numbers that are not all 0";
         let given = keys.axis().raw().copied().ok_or_else(|| keys.axis().missing(wanted, check))?;
         let norm = given.iter().map(|component| component * component).sum::<f64>().sqrt();
@@ -245,7 +229,7 @@ impl Slew {
     }
 }
 
-fn jitter_line(keys: &JitterLineKeys, check: &mut Checker<'_>) -> Result<JitterLineSettings, ConfigError> {
+fn jitter_line(keys: &JitterLineKeys, check: &mut Checker<'_>) -> Result<JitterLineParams> {
     taken!(check, keys => frequency_hz, amplitude_arcsec, phase_deg);
-    Ok(JitterLineSettings { frequency_hz, amplitude_arcsec, phase_deg })
+    Ok(JitterLineParams { frequency_hz, amplitude_arcsec, phase_rad: phase_deg * DEG })
 }

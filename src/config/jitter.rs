@@ -4,7 +4,7 @@
 //! becomes a series by the bench's seed. `src/guide/motion_and_jitter.md` says how it is resampled. Tests: below.
 
 use crate::key::{Section, section, taken};
-use crate::{check::Checker, error::ConfigError, key_type::Word};
+use crate::{check::Checker, error::Result, key_type::Word};
 use plan::attitude::{DensityError, JitterRecord, PsdPoint, RecordEnd, read_density, read_series};
 use std::sync::Arc;
 
@@ -78,11 +78,7 @@ const SPARE_S: f64 = 2.0;
 
 impl JitterInput {
     /// Checks the jitter of a run that is `duration_s` long.
-    pub(super) fn check(
-        keys: &JitterKeys,
-        duration_s: f64,
-        check: &mut Checker<'_>,
-    ) -> Result<Option<Self>, ConfigError> {
+    pub(super) fn check(keys: &JitterKeys, duration_s: f64, check: &mut Checker<'_>) -> Result<Option<Self>> {
         let (series, density) = (keys.series(), keys.density());
         if series.is_given() && density.is_given() {
             return Err(density.invalid("given", "no jitter.series beside it", check));
@@ -91,8 +87,7 @@ impl JitterInput {
             keys.refuse(&["axes", "start_s", "at_end", "scale"], "jitter.series or jitter.density", check)?;
             return Ok(None);
         }
-        let axes = keys.axes().check(check)?;
-        let scale = keys.scale().check(check)?;
+        taken!(check, keys => axes, scale);
         if density.is_given() {
             keys.refuse(&["start_s", "at_end"], "jitter.series", check)?;
             return Self::of_density(keys, duration_s, (axes, scale), check).map(Some);
@@ -139,7 +134,7 @@ impl JitterInput {
         duration_s: f64,
         (axes, scale): (JitterAxes, f64),
         check: &mut Checker<'_>,
-    ) -> Result<Self, ConfigError> {
+    ) -> Result<Self> {
         let (path, text) = text_of(keys, "density", check)?;
         let refused = |error: String| {
             let advice = "the guide's motion_and_jitter.md has one";
@@ -154,7 +149,7 @@ impl JitterInput {
 }
 
 /// Returns the file that a key names, and its text.
-fn text_of(keys: &JitterKeys, name: &str, check: &Checker<'_>) -> Result<(String, String), ConfigError> {
+fn text_of(keys: &JitterKeys, name: &str, check: &Checker<'_>) -> Result<(String, String)> {
     let given = if name == "series" { keys.series() } else { keys.density() };
     let path = given.raw().cloned().unwrap_or_default();
     let bytes = check.document.bytes_of(&given.key(), &path)?;

@@ -13,7 +13,7 @@
 //! compiler reports; a key that is not declared cannot be read.
 
 use crate::declared::{Declared, Presence, Preset};
-use crate::error::{ConfigError, MISSING};
+use crate::error::{ConfigError, MISSING, Result};
 use crate::{check::Checker, key_type::KeyType};
 use base::time::Span;
 use core::fmt;
@@ -69,7 +69,7 @@ impl<'k, T: KeyType> Given<'k, T> {
     }
 
     /// Returns the value that is given, or the default; checked.
-    pub(super) fn check(self, check: &mut Checker<'_>) -> Result<T::Checked, ConfigError> {
+    pub(super) fn check(self, check: &mut Checker<'_>) -> Result<T::Checked> {
         let default = match (self.raw, &self.preset) {
             (Some(raw), _) => return self.read(raw, check),
             (None, Preset::Noted(default)) => {
@@ -85,11 +85,11 @@ impl<'k, T: KeyType> Given<'k, T> {
     }
 
     /// Returns the value that is given, checked; without one nothing.
-    pub(super) fn optional(self, check: &Checker<'_>) -> Result<Option<T::Checked>, ConfigError> {
+    pub(super) fn optional(self, check: &Checker<'_>) -> Result<Option<T::Checked>> {
         self.raw.map(|raw| self.read(raw, check)).transpose()
     }
 
-    fn read(&self, raw: &T::Raw, check: &Checker<'_>) -> Result<T::Checked, ConfigError> {
+    fn read(&self, raw: &T::Raw, check: &Checker<'_>) -> Result<T::Checked> {
         T::read(raw, &self.limit)
             .map_err(|refusal| check.invalid(&self.key(), refusal.got, refusal.wanted, &self.advice))
     }
@@ -112,7 +112,7 @@ impl<'k, T: KeyType> Given<'k, T> {
 
 impl Given<'_, f64> {
     /// Returns the milliseconds that are given, or the default; checked.
-    pub(super) fn ms(self, check: &mut Checker<'_>) -> Result<Span, ConfigError> {
+    pub(super) fn ms(self, check: &mut Checker<'_>) -> Result<Span> {
         Ok(Span::from_s(self.check(check)? * 1e-3))
     }
 }
@@ -137,7 +137,7 @@ pub(super) trait Section: Clone + Default + DeserializeOwned {
     fn given(&self) -> Vec<(&'static str, bool)>;
 
     /// Refuses keys that have a meaning only with another choice, which `owner` names.
-    fn refuse(&self, names: &[&str], owner: &str, check: &Checker<'_>) -> Result<(), ConfigError> {
+    fn refuse(&self, names: &[&str], owner: &str, check: &Checker<'_>) -> Result<()> {
         let given = self.given();
         let prefix = if self.table().is_empty() { String::new() } else { format!("{}.", self.table()) };
         for name in names {

@@ -1,12 +1,11 @@
 //! The check of keys against their declarations alone, for files whose values crates above read.
 
 use crate::declared::{Declared, Key, Preset};
+use crate::document_tables::{as_clause, wanted_by};
+use crate::error::{ConfigError, Result, nearest};
 use crate::file_kind::{FileKind, must_be};
-use crate::wrong_type::{as_clause, wanted_by};
-use crate::{
-    check::Checker, data_set_keys::DataSetKeys, document::Document, error::ConfigError, file_keys::declared,
-    key_type::Shape, nearest::nearest, requirement_keys::RequirementKeys, several::check_all, test_plan_keys::PlanKeys,
-};
+use crate::test_plan_keys::{DataSetKeys, PlanKeys, RequirementKeys};
+use crate::{check::Checker, document::Document, key_type::Shape, reference::declared, several::check_all};
 use toml::{Table, Value};
 
 /// Refuses a test plan, requirements or a data set with keys that are unknown, missing, of another type or out of range;
@@ -14,7 +13,7 @@ use toml::{Table, Value};
 ///
 /// # Errors
 /// With every such key.
-pub fn check_keys(kind: FileKind, document: &Document) -> Result<(), ConfigError> {
+pub fn check_keys(kind: FileKind, document: &Document) -> Result<()> {
     // A plan without cases looks like a bench: what it lacks says more.
     if FileKind::of(document) != FileKind::Bench {
         must_be(kind, document)?;

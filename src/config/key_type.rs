@@ -1,6 +1,6 @@
 //! The types of values that keys may have, each with its limit.
 
-use crate::{check::Rule, nearest::with_what_was_meant};
+use crate::{check::Rule, error::with_what_was_meant};
 use core::{fmt, marker::PhantomData, ops::RangeInclusive};
 
 /// A type of values.

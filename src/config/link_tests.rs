@@ -15,10 +15,10 @@ fn each_kind_is_read_with_its_own_keys() {
     let can =
         link("kind = \"socketcan\"\ninterface = \"can1\"\nwire = \"can_classic\"\nnode = 3\nid_base = 128").unwrap();
     assert_eq!(can.carrier, Carrier::SocketCan { interface: "can1".into() });
-    assert_eq!((can.wire, Some(can.ids)), (Wire::CanClassic, IdMap::new(128, 3)));
+    assert_eq!((can.wire, Some(can.ids)), (WireFormat::CanClassic, IdMap::new(128, 3)));
     let serial = link("kind = \"serial\"\nport = \"/dev/ttyS0\"\nparity = \"even\"\nbit_rate = 115200.0").unwrap();
-    let Carrier::SerialPort(port) = &serial.carrier else { panic!("{serial:?}") };
-    assert_eq!((port.parity, port.stop_bits, serial.wire), (Parity::Even, 1, Wire::Serial));
+    let Carrier::SerialPort { port, .. } = &serial.carrier else { panic!("{serial:?}") };
+    assert_eq!((port.parity, port.stop_bits, serial.wire), (Parity::Even, StopBits::One, WireFormat::Serial));
     let simulated = link("slcan_tcp = 0\nsocketcand = \"10.0.0.1:29536\"").unwrap();
     let Carrier::Simulated(gateway_ports) = &simulated.carrier else { panic!("{simulated:?}") };
     assert_eq!(gateway_ports.slcan_tcp, Some("127.0.0.1:0".parse().unwrap()), "a bare port is on loopback");

@@ -6,32 +6,19 @@
 
 use crate::key::{Section, listed, section, taken};
 use crate::key_type::{Numbers, Word};
-use crate::{check::Checker, error::ConfigError, event::Pointing};
+use crate::{check::Checker, error::Result, event::Pointing};
 use base::axes::{Body, Icrf, Rotation, Sensor, sensor_from_ra_dec_roll};
 use base::units::DEG;
 use core::f64::consts::TAU;
 use glam::DVec3;
 use plan::attitude::{MOST_ACCELERATION_RAD_S2, MOST_RATE_RAD_S, MotionScale, Sinusoid};
-use testbed::flight_computer::{AtWaypoints, WaypointError, WaypointMotion};
+use testbed::flight_computer::{AtWaypoints, Swing, WaypointError, WaypointMotion};
 
 /// Farthest that the body may turn from one attitude message to the next, rad: no method of attitude has a bound
 /// beyond.
 const MOST_TURN_RAD: f64 = 1.0;
 /// Most waypoints and sinusoids of a motion.
 const MOST_ROWS: usize = 10_000;
-
-/// A turn to and fro about a body axis.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SwingSettings {
-    /// Unit vector of the axis, body axes.
-    pub axis: [f64; 3],
-    /// Amplitude, deg.
-    pub amplitude_deg: f64,
-    /// Frequency, Hz.
-    pub frequency_hz: f64,
-    /// Phase at the start of the run, deg.
-    pub phase_deg: f64,
-}
 
 /// A motion of the simulated flight computer.
 #[derive(Debug, Clone, PartialEq)]
@@ -41,7 +28,7 @@ pub enum Motion {
         /// Rate, body axes, deg/s.
         rate_deg_s: [f64; 3],
         /// Sinusoids.
-        swings: Vec<SwingSettings>,
+        swings: Vec<Swing>,
     },
     /// A path through pointings of the boresight, each at its time in s after the start of the run.
     Waypoints {
@@ -106,7 +93,7 @@ pub(super) enum Kind {
 
 impl Motion {
     /// Checks a motion whose attitudes are sent `attitude_hz` times a second.
-    pub(super) fn check(keys: &MotionKeys, attitude_hz: f64, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+    pub(super) fn check(keys: &MotionKeys, attitude_hz: f64, check: &mut Checker<'_>) -> Result<Self> {
         let kind = keys.kind().check(check)?;
         let table = "flight_computer.motion";
         let unused = |name: &str, is_given: bool, owner: &str, check: &Checker<'_>| {
@@ -128,7 +115,7 @@ impl Motion {
         Ok(motion)
     }
 
-    fn steady(keys: &MotionKeys, kind: Kind, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+    fn steady(keys: &MotionKeys, kind: Kind, check: &mut Checker<'_>) -> Result<Self> {
         if kind == Kind::ConstantRate && !keys.rate_deg_s().is_given() {
             return Err(keys.rate_deg_s().missing("three rates", check));
         }
@@ -141,7 +128,7 @@ impl Motion {
         Ok(Self::Steady { rate_deg_s, swings })
     }
 
-    fn waypoints(keys: &MotionKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+    fn waypoints(keys: &MotionKeys, check: &mut Checker<'_>) -> Result<Self> {
         check_count("waypoint", keys.waypoint.len(), 2, check)?;
         let at_waypoints = keys.at_waypoints().check(check)?;
         let listed = listed(&keys.waypoint, "flight_computer.motion.waypoint");
@@ -191,10 +178,7 @@ impl Motion {
                 rate_rad_s: DVec3::from_array(*rate_deg_s).length() * DEG,
                 sinusoids: swings
                     .iter()
-                    .map(|swing| Sinusoid {
-                        frequency_hz: swing.frequency_hz,
-                        amplitude_rad: swing.amplitude_deg * DEG,
-                    })
+                    .map(|swing| Sinusoid { frequency_hz: swing.frequency_hz, amplitude_rad: swing.amplitude_rad })
                     .collect(),
                 ..MotionScale::default()
             },
@@ -215,7 +199,7 @@ impl Motion {
     }
 
     /// Refuses what attitude messages cannot carry.
-    fn check_sampling(&self, attitude_hz: f64, check: &Checker<'_>) -> Result<(), ConfigError> {
+    fn check_sampling(&self, attitude_hz: f64, check: &Checker<'_>) -> Result<()> {
         let scale = self.scale();
         let tilt_rad_s: f64 = scale.sinusoids.iter().map(|s| s.amplitude_rad * TAU * s.frequency_hz).sum();
         let shake_rad_s2: f64 = scale.sinusoids.iter().map(|s| s.amplitude_rad * (TAU * s.frequency_hz).powi(2)).sum();
@@ -250,7 +234,7 @@ impl Motion {
     }
 }
 
-fn check_count(name: &str, count: usize, least: usize, check: &Checker<'_>) -> Result<(), ConfigError> {
+fn check_count(name: &str, count: usize, least: usize, check: &Checker<'_>) -> Result<()> {
     if (least..=MOST_ROWS).contains(&count) {
         return Ok(());
     }
@@ -259,16 +243,21 @@ fn check_count(name: &str, count: usize, least: usize, check: &Checker<'_>) -> R
     Err(check.invalid(&format!("flight_computer.motion.{name}"), count, wanted, &advice))
 }
 
-fn swing(keys: &SinusoidKeys, check: &mut Checker<'_>) -> Result<SwingSettings, ConfigError> {
+fn swing(keys: &SinusoidKeys, check: &mut Checker<'_>) -> Result<Swing> {
     taken!(check, keys => axis, amplitude_deg, frequency_hz, phase_deg);
     let norm = DVec3::from_array(axis).length();
     if !(norm.is_finite() && norm > 1e-6) {
         return Err(keys.axis().invalid(format!("{axis:?}"), "three finite numbers that are not all 0", check));
     }
-    Ok(SwingSettings { axis: axis.map(|component| component / norm), amplitude_deg, frequency_hz, phase_deg })
+    Ok(Swing {
+        axis_body: DVec3::from_array(axis.map(|component| component / norm)),
+        amplitude_rad: amplitude_deg * DEG,
+        frequency_hz,
+        phase_rad: phase_deg * DEG,
+    })
 }
 
-fn waypoint(keys: &WaypointKeys, check: &mut Checker<'_>) -> Result<(f64, Pointing), ConfigError> {
+fn waypoint(keys: &WaypointKeys, check: &mut Checker<'_>) -> Result<(f64, Pointing)> {
     let t_s = keys.t_s().check(check)?;
     Ok((t_s, Pointing::check([keys.ra_deg(), keys.dec_deg(), keys.roll_deg()], check)?))
 }

@@ -18,7 +18,7 @@ fn each_kind_is_read_with_its_scale() {
     let Motion::Steady { swings, .. } = motion(&format!("kind = \"sinusoidal\"\n{row}{row}")) else {
         panic!("no steady motion")
     };
-    assert_eq!((swings.len(), swings[0].axis), (2, [0.0, 1.0, 0.0]));
+    assert_eq!((swings.len(), swings[0].axis_body), (2, DVec3::Y));
     let path = motion(&format!("kind = \"waypoints\"\n{}", waypoints(&[(-2.0, 10.0), (2.0, 14.0)])));
     // From rest to rest in 4 s: 15/8 of the mean rate at its fastest.
     let [rate, wanted] = [path.scale().rate_rad_s, 1.875 * DEG];

@@ -3,10 +3,11 @@
 //! Every key left out is off. Diffraction is always on (`[psf]` has its F-number and obscuration), the pixel too. The
 //! light is one wavelength (`psf.wavelength_nm`), or the camera's `[band]` for a star of colour `psf.bp_rp`.
 
-use crate::key::{Section, section};
+use crate::error::{ConfigError, Result};
+use crate::key::{Section, section, taken};
 use crate::key_type::{Whole, Word};
 use crate::psf::{Psf, PsfKeys};
-use crate::{check::Checker, detector::Detector, error::ConfigError, optics::Optics};
+use crate::{check::Checker, detector::Detector, optics::Optics};
 use image::detector::tdi::Tdi;
 use plan::optics::mtf::circuit::{Circuit, LOWEST_CUTOFF};
 use plan::optics::mtf::diffusion::{Diffusion, Layers, Side};
@@ -76,14 +77,13 @@ impl Chain {
         optics: &Optics,
         detector: &Detector,
         check: &mut Checker<'_>,
-    ) -> Result<Self, ConfigError> {
+    ) -> Result<Self> {
         let none = MtfKeys::default();
         let keys = keys.unwrap_or(&none);
         let f_number = lens.f_number().or(optics.f_number()).check(check)?;
         let obscuration = lens.obscuration().or(optics.obscuration).check(check)?;
         let light = light(lens, check)?;
-        let assembly_um = keys.assembly_um().check(check)?;
-        let fabrication_um = keys.fabrication_um().check(check)?;
+        taken!(check, keys => assembly_um, fabrication_um);
         let aperture_px = keys.pixel_aperture().check(check)?;
         let params = ChainParams {
             pixel_pitch_um: detector.pixel_pitch_um,
@@ -103,7 +103,7 @@ impl Chain {
     }
 
     /// Returns the chain in its light; refuses what does not hold there.
-    pub(super) fn take_light(&mut self, band: Option<&Band>, check: &Checker<'_>) -> Result<(), ConfigError> {
+    pub(super) fn take_light(&mut self, band: Option<&Band>, check: &Checker<'_>) -> Result<()> {
         self.params.band = match (self.light, band) {
             (LightOfChain::Wavelength(nm), Some(band)) if band.response(nm) <= 0.0 => {
                 let advice = "the detector counts no light there: give a wavelength of the band, or psf.bp_rp";
@@ -121,12 +121,12 @@ impl Chain {
 }
 
 /// Refuses `[mtf]` beside another model than the chain.
-pub(super) fn belongs_to_chain(keys: Option<&MtfKeys>, psf: &Psf, check: &Checker<'_>) -> Result<(), ConfigError> {
+pub(super) fn belongs_to_chain(keys: Option<&MtfKeys>, psf: &Psf, check: &Checker<'_>) -> Result<()> {
     check.unused("mtf", keys.is_some() && !matches!(psf, Psf::Chain(_)), "psf.model = \"chain\"")
 }
 
 /// Returns one wavelength, or a colour in the band.
-fn light(lens: &PsfKeys, check: &mut Checker<'_>) -> Result<LightOfChain, ConfigError> {
+fn light(lens: &PsfKeys, check: &mut Checker<'_>) -> Result<LightOfChain> {
     if lens.bp_rp().is_given() {
         let owner = "one wavelength; psf.bp_rp asks for the whole band: keep one of the two";
         lens.refuse(&["wavelength_nm"], owner, check)?;
@@ -146,7 +146,7 @@ fn refused(error: &MtfError, check: &Checker<'_>) -> ConfigError {
     check.invalid(key, "refused", "a chain that holds in its light", &error.to_string())
 }
 
-fn wavefront(keys: &MtfKeys, light: LightOfChain, check: &mut Checker<'_>) -> Result<Option<Wavefront>, ConfigError> {
+fn wavefront(keys: &MtfKeys, light: LightOfChain, check: &mut Checker<'_>) -> Result<Option<Wavefront>> {
     let Some(rms_waves) = keys.wavefront_error_waves().optional(check)? else {
         keys.refuse(&["wavefront_wavelength_nm"], "mtf.wavefront_error_waves", check)?;
         return Ok(None);
@@ -156,7 +156,7 @@ fn wavefront(keys: &MtfKeys, light: LightOfChain, check: &mut Checker<'_>) -> Re
     Ok(Some(Wavefront { rms_waves, at_nm }))
 }
 
-fn defocus(keys: &MtfKeys, check: &mut Checker<'_>) -> Result<Option<Defocus>, ConfigError> {
+fn defocus(keys: &MtfKeys, check: &mut Checker<'_>) -> Result<Option<Defocus>> {
     let Some(defocus_um) = keys.defocus_um().optional(check)? else {
         keys.refuse(&["defocus_model"], "mtf.defocus_um", check)?;
         return Ok(None);
@@ -164,7 +164,7 @@ fn defocus(keys: &MtfKeys, check: &mut Checker<'_>) -> Result<Option<Defocus>, C
     Ok(Some(Defocus { defocus_um, form: keys.defocus_model().check(check)? }))
 }
 
-fn diffusion(keys: &MtfKeys, check: &mut Checker<'_>) -> Result<Option<Diffusion>, ConfigError> {
+fn diffusion(keys: &MtfKeys, check: &mut Checker<'_>) -> Result<Option<Diffusion>> {
     let of_layers = ["depletion_um", "diffusion_length_um", "field_free_um"];
     if keys.diffusion_um().is_given() {
         let owner = "a layered detector, which has no mtf.diffusion_um: keep one of the two";
@@ -174,15 +174,14 @@ fn diffusion(keys: &MtfKeys, check: &mut Checker<'_>) -> Result<Option<Diffusion
     if !keys.given().iter().any(|(key, is_given)| *is_given && of_layers.contains(key)) {
         return Ok(None);
     }
-    let depletion_um = keys.depletion_um().check(check)?;
-    let diffusion_length_um = keys.diffusion_length_um().check(check)?;
+    taken!(check, keys => depletion_um, diffusion_length_um);
     let back = keys.field_free_um().optional(check)?;
     let side = back.map_or(Side::Front, |field_free_um| Side::Back { field_free_um });
     Ok(Some(Diffusion::Layered(Layers { depletion_um, diffusion_length_um, side })))
 }
 
 /// Returns the blur of charge that follows the image; the stages are the detector's.
-fn tdi(keys: &MtfKeys, detector: Option<Tdi>, check: &mut Checker<'_>) -> Result<Option<TdiBlur>, ConfigError> {
+fn tdi(keys: &MtfKeys, detector: Option<Tdi>, check: &mut Checker<'_>) -> Result<Option<TdiBlur>> {
     let Some(Tdi { stages }) = detector else {
         keys.refuse(&["tdi_phases", "tdi_mismatch_px"], "[detector.tdi]", check)?;
         return Ok(None);
@@ -191,7 +190,7 @@ fn tdi(keys: &MtfKeys, detector: Option<Tdi>, check: &mut Checker<'_>) -> Result
     Ok(Some(TdiBlur { stages, phases, mismatch_px: keys.tdi_mismatch_px().check(check)? }))
 }
 
-fn circuit(keys: &MtfKeys, check: &mut Checker<'_>) -> Result<Option<Circuit>, ConfigError> {
+fn circuit(keys: &MtfKeys, check: &mut Checker<'_>) -> Result<Option<Circuit>> {
     let Some(cutoff) = keys.circuit_cutoff().optional(check)? else {
         keys.refuse(&["circuit_order"], "mtf.circuit_cutoff", check)?;
         return Ok(None);

@@ -2,7 +2,7 @@
 
 use crate::key::{Given, section, taken};
 use crate::key_type::{Any, Whole, Word};
-use crate::{check::Checker, error::ConfigError};
+use crate::{check::Checker, error::Result};
 use outputs::network_camera::{Identity, Params, PixelFormat, XmlForm};
 use std::net::Ipv4Addr;
 
@@ -53,7 +53,7 @@ section! {
 const PLAIN: &str = "ASCII without < > & and quotes";
 
 /// Checks the keys of a sink. The sensor's size and bits are of the camera file.
-pub(super) fn check(keys: &NetworkCameraKeys, check: &mut Checker<'_>) -> Result<Params, ConfigError> {
+pub(super) fn check(keys: &NetworkCameraKeys, check: &mut Checker<'_>) -> Result<Params> {
     let address = address(keys, check)?;
     taken!(check, keys => port, pixel_format, packet_bytes, rate_mbit_s, frames_kept, frames_queued, xml);
     let lose_one_in = keys.lose_one_in().optional(check)?;
@@ -75,13 +75,13 @@ pub(super) fn check(keys: &NetworkCameraKeys, check: &mut Checker<'_>) -> Result
     })
 }
 
-fn address(keys: &NetworkCameraKeys, check: &mut Checker<'_>) -> Result<Ipv4Addr, ConfigError> {
+fn address(keys: &NetworkCameraKeys, check: &mut Checker<'_>) -> Result<Ipv4Addr> {
     let text = keys.address().check(check)?;
     let found = text.parse::<Ipv4Addr>().ok().filter(|address| !address.is_unspecified() && !address.is_broadcast());
     found.ok_or_else(|| keys.address().invalid(format!("\"{text}\""), "the IPv4 address of an interface", check))
 }
 
-fn identity(keys: &NetworkCameraKeys, check: &Checker<'_>) -> Result<Identity, ConfigError> {
+fn identity(keys: &NetworkCameraKeys, check: &Checker<'_>) -> Result<Identity> {
     let usual = Identity::default();
     let text = |given: Given<'_, String>, usual: String, most: usize| {
         let text = given.raw().cloned().unwrap_or(usual);
@@ -101,7 +101,7 @@ fn identity(keys: &NetworkCameraKeys, check: &Checker<'_>) -> Result<Identity, C
 }
 
 /// Returns the six pairs of hexadecimal digits with colons.
-fn mac(given: &Given<'_, String>, check: &Checker<'_>) -> Result<Option<[u8; 6]>, ConfigError> {
+fn mac(given: &Given<'_, String>, check: &Checker<'_>) -> Result<Option<[u8; 6]>> {
     let Some(text) = given.raw() else { return Ok(None) };
     let pairs: Vec<Option<u8>> = text
         .split(':')
@@ -119,7 +119,7 @@ mod tests {
     use crate::{document::Document, key::Section};
     use std::path::Path;
 
-    fn read(text: &str) -> Result<Params, ConfigError> {
+    fn read(text: &str) -> Result<Params> {
         let document = Document::from_text(text, Path::new("bench.toml"));
         let keys = document.read_as::<NetworkCameraKeys>()?;
         check(&keys.at(""), &mut Checker::new(&document))

@@ -2,8 +2,8 @@
 
 use crate::key::{Given, Section, section, taken};
 use crate::key_type::{Any, Raw, Shape, Whole, Word};
-use crate::{check::Checker, error::ConfigError, kernels::Kernels};
-use crate::{kernels::refused, plant_file::text_of};
+use crate::named_files::{Kernels, refused};
+use crate::{check::Checker, error::Result, plant::text_of};
 use base::{time::Tai, units::DEG};
 use histories::{OrbitHistory, read};
 use sky::observer::check_states;
@@ -24,8 +24,26 @@ pub enum Observer {
         /// Furthest from their epoch that they are used, days.
         max_age_days: f64,
     },
-    /// A circular orbit about the Earth.
-    CircularOrbit {
+    /// In an orbit.
+    Orbit(OrbitSettings),
+    /// On the states of a file.
+    Table(Arc<OrbitHistory>),
+}
+
+/// An orbit of the sensor or of a target, checked as far as its form goes.
+#[derive(Debug, Clone, PartialEq)]
+pub enum OrbitSettings {
+    /// Mean elements: the one set, or the object with the number.
+    Mean {
+        /// Lines, or an orbit mean-elements message.
+        text: String,
+        /// Catalog number.
+        norad_id: Option<u64>,
+        /// Furthest from their epoch that they are used, days.
+        max_age_days: f64,
+    },
+    /// A circle about the Earth's centre.
+    Circular {
         /// Height above the equatorial radius, km.
         altitude_km: f64,
         /// Inclination to the equator, deg.
@@ -35,7 +53,7 @@ pub enum Observer {
         /// Angle from the node along the orbit at the first exposure, deg: one second after `timing.start_utc`.
         argument_of_latitude_deg: f64,
     },
-    /// A conic about the Earth, the Moon or the Sun.
+    /// A conic about the Earth, the Moon or the Sun, ICRF axes.
     TwoBody {
         /// The central body.
         about: CentralBody,
@@ -43,17 +61,6 @@ pub enum Observer {
         epoch: Option<Tai>,
         /// Where it is then.
         start: OrbitStart,
-    },
-    /// On the states of a file.
-    Table(Arc<OrbitHistory>),
-    /// By the elements of a file: two-line elements, or an OMM.
-    Elements {
-        /// The file's text.
-        text: String,
-        /// Catalog number of the object, where the file has several.
-        norad_id: Option<u64>,
-        /// Furthest from their epoch that they are used, days.
-        max_age_days: f64,
     },
 }
 
@@ -140,7 +147,7 @@ pub(super) enum Kind {
 }
 
 impl Observer {
-    pub(super) fn check(keys: &ObserverKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+    pub(super) fn check(keys: &ObserverKeys, check: &mut Checker<'_>) -> Result<Self> {
         let kind = keys.kind().check(check)?;
         keys.refuse_strangers(kind, check)?;
         match kind {
@@ -154,7 +161,7 @@ impl Observer {
 }
 
 impl ObserverKeys {
-    fn refuse_strangers(&self, kind: Kind, check: &Checker<'_>) -> Result<(), ConfigError> {
+    fn refuse_strangers(&self, kind: Kind, check: &Checker<'_>) -> Result<()> {
         if kind != Kind::File {
             self.refuse(&["file", "kernels", "naif_id", "norad_id"], "kind = \"file\"", check)?;
         }
@@ -179,7 +186,7 @@ impl ObserverKeys {
     }
 }
 
-fn file(keys: &ObserverKeys, check: &mut Checker<'_>) -> Result<Observer, ConfigError> {
+fn file(keys: &ObserverKeys, check: &mut Checker<'_>) -> Result<Observer> {
     let given = keys.file();
     let kernels = Kernels { file: keys.file(), texts: keys.kernels(), naif_id: keys.naif_id() };
     if let Some(history) = kernels.orbit(check)? {
@@ -191,14 +198,14 @@ fn file(keys: &ObserverKeys, check: &mut Checker<'_>) -> Result<Observer, Config
         let wanted = "two element lines, or an OMM, of one object";
         let read = TleOrbit::read(&text, norad_id, Tai::from_ns(0));
         read.map_err(|error| given.invalid(format!("{path}: {error}"), wanted, check))?;
-        return Ok(Observer::Elements { text, norad_id, max_age_days });
+        return Ok(Observer::Orbit(OrbitSettings::Mean { text, norad_id, max_age_days }));
     }
     let history = read::orbit(&path, &text).map_err(|error| refused(&given, &error, check))?;
     states(keys, history, check)
 }
 
 /// Returns an orbit by its states, after a check of each.
-fn states(keys: &ObserverKeys, history: OrbitHistory, check: &Checker<'_>) -> Result<Observer, ConfigError> {
+fn states(keys: &ObserverKeys, history: OrbitHistory, check: &Checker<'_>) -> Result<Observer> {
     keys.refuse(&["norad_id", "max_age_days"], "a file of elements", check)?;
     let wanted = "states of an orbit, in km and km/s from the centre that the file names";
     check_states(&history)
@@ -206,15 +213,15 @@ fn states(keys: &ObserverKeys, history: OrbitHistory, check: &Checker<'_>) -> Re
     Ok(Observer::Table(Arc::new(history)))
 }
 
-fn two_body(keys: &ObserverKeys, check: &mut Checker<'_>) -> Result<Observer, ConfigError> {
+fn two_body(keys: &ObserverKeys, check: &mut Checker<'_>) -> Result<Observer> {
     let about = keys.about().check(check)?;
     let epoch = epoch(keys, check)?;
     let is_state = keys.position_km().is_given() || keys.velocity_km_s().is_given();
     let start = if is_state { state(keys, check)? } else { OrbitStart::Elements(elements(keys, check)?) };
-    Ok(Observer::TwoBody { about, epoch, start })
+    Ok(Observer::Orbit(OrbitSettings::TwoBody { about, epoch, start }))
 }
 
-fn epoch(keys: &ObserverKeys, check: &mut Checker<'_>) -> Result<Option<Tai>, ConfigError> {
+fn epoch(keys: &ObserverKeys, check: &mut Checker<'_>) -> Result<Option<Tai>> {
     let text = keys.epoch().check(check)?;
     if text == "start" {
         return Ok(None);
@@ -223,7 +230,7 @@ fn epoch(keys: &ObserverKeys, check: &mut Checker<'_>) -> Result<Option<Tai>, Co
     Tai::from_rfc3339(&text).map(Some).map_err(|_| keys.epoch().invalid(format!("\"{text}\""), wanted, check))
 }
 
-fn state(keys: &ObserverKeys, check: &Checker<'_>) -> Result<OrbitStart, ConfigError> {
+fn state(keys: &ObserverKeys, check: &Checker<'_>) -> Result<OrbitStart> {
     let owner = "an orbit by elements: leave out position_km and velocity_km_s, or this";
     keys.refuse(&OWN_ELEMENTS, owner, check)?;
     keys.refuse(&["inclination_deg", "raan_deg"], owner, check)?;
@@ -237,7 +244,7 @@ fn state(keys: &ObserverKeys, check: &Checker<'_>) -> Result<OrbitStart, ConfigE
     Ok(OrbitStart::State { position_km, velocity_km_s: vector(keys.velocity_km_s())? })
 }
 
-fn elements(keys: &ObserverKeys, check: &mut Checker<'_>) -> Result<KeplerElements, ConfigError> {
+fn elements(keys: &ObserverKeys, check: &mut Checker<'_>) -> Result<KeplerElements> {
     let semi_major_axis_km = keys.semi_major_axis_km().check(check)?;
     let inclination = keys.inclination_deg().or(0.0).advised("degrees to ICRF's equator");
     let inclination_rad = inclination.check(check)? * DEG;
@@ -257,14 +264,14 @@ fn elements(keys: &ObserverKeys, check: &mut Checker<'_>) -> Result<KeplerElemen
     })
 }
 
-fn circular_orbit(keys: &ObserverKeys, check: &mut Checker<'_>) -> Result<Observer, ConfigError> {
+fn circular_orbit(keys: &ObserverKeys, check: &mut Checker<'_>) -> Result<Observer> {
     let altitude_km = keys.altitude_km().check(check)?;
     let inclination_deg = keys.inclination_deg().or(97.6).check(check)?;
     taken!(check, keys => raan_deg, argument_of_latitude_deg);
-    Ok(Observer::CircularOrbit { altitude_km, inclination_deg, raan_deg, argument_of_latitude_deg })
+    Ok(Observer::Orbit(OrbitSettings::Circular { altitude_km, inclination_deg, raan_deg, argument_of_latitude_deg }))
 }
 
-fn tle(keys: &ObserverKeys, check: &mut Checker<'_>) -> Result<Observer, ConfigError> {
+fn tle(keys: &ObserverKeys, check: &mut Checker<'_>) -> Result<Observer> {
     let line = |given: Given<'_, String>, number: char| {
         let wanted = format!("69 characters that begin with \"{number} \" and end with their checksum");
         let text = given.raw().ok_or_else(|| given.missing(&wanted, check))?.trim_end();

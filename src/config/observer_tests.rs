@@ -11,7 +11,7 @@ struct OnlyObserver {
 }
 
 /// Reads the observer of a file with only this section, whether light is bent, and the keys left at defaults.
-fn observer(lines: &str) -> Result<(Observer, bool, Vec<String>), ConfigError> {
+fn observer(lines: &str) -> Result<(Observer, bool, Vec<String>)> {
     let document = Document::from_text(&format!("[observer]\n{lines}\n"), Path::new("lab/bench.toml"));
     let keys: OnlyObserver = document.read_as()?;
     let mut check = Checker::new(&document);
@@ -29,7 +29,7 @@ fn a_state_becomes_what_it_says() {
     .expect("a state");
     let epoch = Some(Tai::from_rfc3339("2026-03-01T12:00:00Z").expect("valid"));
     let start = OrbitStart::State { position_km: [5000.0, -200.0, 70_000.0], velocity_km_s: [0.01, 0.08, -0.02] };
-    assert_eq!(got, Observer::TwoBody { about: CentralBody::Moon, epoch, start });
+    assert_eq!(got, Observer::Orbit(OrbitSettings::TwoBody { about: CentralBody::Moon, epoch, start }));
     assert!(!bent && defaulted.is_empty(), "{defaulted:?}");
 }
 
@@ -37,7 +37,11 @@ fn a_state_becomes_what_it_says() {
 fn elements_become_radians_and_their_defaults_are_reported() {
     let (got, bent, defaulted) =
         observer("kind = \"two_body\"\nsemi_major_axis_km = 7000\nraan_deg = 180").expect("enough");
-    let Observer::TwoBody { about: CentralBody::Earth, epoch: None, start: OrbitStart::Elements(elements) } = got
+    let Observer::Orbit(OrbitSettings::TwoBody {
+        about: CentralBody::Earth,
+        epoch: None,
+        start: OrbitStart::Elements(elements),
+    }) = got
     else {
         unreachable!("about the Earth, from the start: {got:?}")
     };
@@ -94,7 +98,7 @@ fn each_rule_has_a_failing_example() {
 }
 
 /// Returns an observer by a file with this text, beside the document.
-fn of_file(text: &str, lines: &str) -> Result<Observer, ConfigError> {
+fn of_file(text: &str, lines: &str) -> Result<Observer> {
     let folder = tempfile::tempdir().expect("a folder");
     std::fs::write(folder.path().join("orbit.txt"), text).expect("a file");
     let lines = format!("[observer]\nkind = \"file\"\nfile = \"orbit.txt\"\n{lines}\n");
@@ -120,7 +124,8 @@ fn a_file_is_states_or_elements_by_what_is_in_it() {
     assert_eq!((history.rows(), history.centre), (2, histories::Centre::Earth));
     for (keys, id, days) in [("", None, 30.0), ("norad_id = 25544\nmax_age_days = 365", Some(25_544), 365.0)] {
         for text in [LINES, OBJECT, &format!("\u{feff}{LINES}"), &format!("{LINES}{LINES}")] {
-            let wanted = Observer::Elements { text: text.to_owned(), norad_id: id, max_age_days: days };
+            let elements = OrbitSettings::Mean { text: text.to_owned(), norad_id: id, max_age_days: days };
+            let wanted = Observer::Orbit(elements);
             assert_eq!(of_file(text, keys).expect("elements"), wanted, "{text}");
         }
     }

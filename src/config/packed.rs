@@ -6,7 +6,8 @@
 //! below, `tests/closed_loop/replay.rs`.
 
 use crate::document::{Document, beside};
-use crate::{error::ConfigError, setting::NAMES_A_FILE};
+use crate::error::{ConfigError, Result};
+use crate::setting::NAMES_A_FILE;
 use base::input_file::{DATA_BYTES, InputFile};
 use serde::{Deserialize, Serialize};
 use std::path::{Component, Path, PathBuf};
@@ -75,13 +76,13 @@ impl Document {
     ///
     /// # Errors
     /// When a file that it names cannot be read.
-    pub fn pack(&self) -> Result<PackedDocuments, ConfigError> {
+    pub fn pack(&self) -> Result<PackedDocuments> {
         let mut set = PackedDocuments { documents: BTreeMap::new(), folder: None };
         self.pack_into(&mut set, String::new())?;
         Ok(set)
     }
 
-    fn pack_into(&self, set: &mut PackedDocuments, keys: String) -> Result<(), ConfigError> {
+    fn pack_into(&self, set: &mut PackedDocuments, keys: String) -> Result<()> {
         let table: toml::Table = self.read_as()?;
         for key in NAMES_A_FILE.into_iter().chain(NAMES_A_TABLE) {
             if let Some(path) = value_of(&table, key).and_then(toml::Value::as_str) {
@@ -113,7 +114,7 @@ impl Document {
         Ok(())
     }
 
-    fn measured(&self, key: &str, path: String, number: usize) -> Result<PackedData, ConfigError> {
+    fn measured(&self, key: &str, path: String, number: usize) -> Result<PackedData> {
         let place = self.data_beside(&path);
         let named_by = format!("; named by {key} in {}: paths are relative to the file that names them", self.name());
         let (bytes, crc32) = sum_of(&place).map_err(|error| unread(&place, &error, named_by))?;
@@ -143,7 +144,7 @@ impl PackedDocuments {
     ///
     /// # Errors
     /// When one cannot be read or written.
-    pub fn keep_data(&mut self, folder: &Path) -> Result<(), ConfigError> {
+    pub fn keep_data(&mut self, folder: &Path) -> Result<()> {
         for (from, kept) in self.data() {
             let to = folder.join(kept);
             let refuse =
@@ -159,7 +160,7 @@ impl PackedDocuments {
     ///
     /// # Errors
     /// With the first that is missing, of another content, or outside the folder.
-    pub fn check_data(&self) -> Result<(), ConfigError> {
+    pub fn check_data(&self) -> Result<()> {
         for packed in self.documents.values() {
             for data in &packed.data {
                 let place = self.place_of(packed, data);
@@ -270,7 +271,7 @@ pub(super) fn joined(keys: &str, key: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Bench, declared::Declared, file_keys::declared, file_kind::FileKind, key_type::Shape};
+    use crate::{Bench, declared::Declared, file_kind::FileKind, key_type::Shape, reference::declared};
     use std::collections::BTreeSet;
 
     const BENCH: &str = "[timing]\nduration_s = 2.0\n[jitter]\nseries = \"in/shake it.csv\"\nat_end = \"repeat\"\n";
@@ -363,16 +364,8 @@ mod tests {
     /// Keys of such a name whose value is a text and no path.
     fn words_of(declared: &Declared, under: &str, found: &mut BTreeSet<String>) {
         for key in &declared.keys {
-            let is_word = match &key.shape {
-                Shape::Words(_) | Shape::Either(_) => true,
-                Shape::Text(what) => !what.starts_with("path"),
-                Shape::Number(_)
-                | Shape::Whole(_)
-                | Shape::Flag
-                | Shape::Row(..)
-                | Shape::List(_)
-                | Shape::Table(_) => false,
-            };
+            let is_text = matches!(&key.shape, Shape::Text(what) if !what.starts_with("path"));
+            let is_word = is_text || matches!(key.shape, Shape::Words(_) | Shape::Either(_));
             let key = joined(under, key.name);
             if is_word && names_data(&key) {
                 found.insert(key);

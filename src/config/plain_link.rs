@@ -2,12 +2,12 @@
 //!
 //! `kind = "udp"` and `"tcp"`, and `wire = "plain"` on a simulated bus. Tests: `plain_link_tests`.
 
+use crate::error::{ConfigError, Result, nearest};
 use crate::flight_computer::{FlightComputer, JitterSource};
-use crate::link::{Carrier, Link, Wire, address, named_address};
-use crate::link_keys::{Kind, LinkTable};
-use crate::session::{Session, SessionStart};
-use crate::{check::Checker, error::ConfigError, key::Section, nearest::nearest};
+use crate::link::{Carrier, Kind, Link, LinkTable, SessionParams, SessionStart, address, named_address};
+use crate::{check::Checker, key::Section};
 use base::time::Span;
+use link::WireFormat;
 use link::plain::{Encoding, FIELD_NAMES, LayoutError, PlainLayout, QuaternionSense, TimeMeaning};
 
 /// Keys that only plain links have.
@@ -34,13 +34,8 @@ pub(super) enum Form {
 }
 
 /// Reads the keys of a plain link; `None` for a link of the protocol, which has none of them.
-pub(super) fn plain(
-    keys: &LinkTable,
-    kind: Kind,
-    wire: Wire,
-    check: &mut Checker<'_>,
-) -> Result<Option<Plain>, ConfigError> {
-    if wire != Wire::Plain {
+pub(super) fn plain(keys: &LinkTable, kind: Kind, wire: WireFormat, check: &mut Checker<'_>) -> Result<Option<Plain>> {
+    if wire != WireFormat::Plain {
         keys.refuse(&KEYS, "kind = \"udp\" or \"tcp\", or wire = \"plain\"", check)?;
         return Ok(None);
     }
@@ -58,7 +53,7 @@ pub(super) fn plain(
     Ok(Some(Plain { layout, sender_timeout }))
 }
 
-fn layout(keys: &LinkTable, form: Form, check: &mut Checker<'_>) -> Result<PlainLayout, ConfigError> {
+fn layout(keys: &LinkTable, form: Form, check: &mut Checker<'_>) -> Result<PlainLayout> {
     let usual = PlainLayout::default();
     let time = keys.time().check(check)?;
     if form == Form::FortyTwo {
@@ -106,7 +101,7 @@ fn refused(keys: &LinkTable, place: Option<usize>, error: &LayoutError, check: &
 }
 
 /// Returns the carrier of a plain link over the network.
-pub(super) fn carrier(keys: &LinkTable, kind: Kind, check: &Checker<'_>) -> Result<Option<Carrier>, ConfigError> {
+pub(super) fn carrier(keys: &LinkTable, kind: Kind, check: &Checker<'_>) -> Result<Option<Carrier>> {
     match kind {
         Kind::Simulated | Kind::SocketCan | Kind::Serial => Ok(None),
         Kind::Udp => {
@@ -132,9 +127,9 @@ pub(super) fn carrier(keys: &LinkTable, kind: Kind, check: &Checker<'_>) -> Resu
 pub(super) fn check_bench(
     (link, extra_links): (&Link, &[Link]),
     computer: &FlightComputer,
-    session: &Session,
+    session: &SessionParams,
     check: &Checker<'_>,
-) -> Result<(), ConfigError> {
+) -> Result<()> {
     if let Some(i) = extra_links.iter().position(|extra| extra.plain.is_some() || link.plain.is_some()) {
         let advice = "attitudes come from one sender, with one clock: a plain link is the only one of its bench";
         return Err(check.invalid(&format!("extra_link[{i}]"), "given", "none beside a plain link", advice));

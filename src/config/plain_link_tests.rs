@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::{Bench, Document};
-use link::plain::Field;
+use link::{WireFormat, plain::Field};
 use std::path::Path;
 
 fn bench(link: &str, rest: &str) -> Result<Bench, String> {
@@ -21,7 +21,7 @@ fn link(text: &str) -> Result<Link, String> {
 fn each_carrier_and_convention_is_read() {
     let udp = link("kind = \"udp\"\nlisten = 29700").unwrap();
     assert_eq!(udp.carrier, Carrier::Udp { listen: "127.0.0.1:29700".parse().unwrap() }, "on loopback");
-    assert_eq!((udp.wire, udp.plain.unwrap().layout), (Wire::Plain, PlainLayout::default()));
+    assert_eq!((udp.wire, udp.plain.unwrap().layout), (WireFormat::Plain, PlainLayout::default()));
     let tcp = link(
         "kind = \"tcp\"\nconnect = \"10.0.0.1:5\"\nencoding = \"json\"\nlayout = [\"q_x\", \"q_y\", \"q_z\", \"q_w\", \
                     \"w_x\", \"w_y\", \"w_z\"]\nquaternion = \"conjugate\"\nrate_unit = \"deg_s\"\ntime_unit = \"ms\"\ntime = \

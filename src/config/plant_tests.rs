@@ -1,12 +1,12 @@
 //! Source of the spacecraft's motion: every form of file, and the keys that each kind refuses.
 
 use super::*;
-use crate::outside_trackers::OutsideTrackers;
+use crate::scenario::OutsideTrackers;
 use crate::{Begins, Bench, Document, FilePlant, Scenario};
 use std::path::Path;
 
 /// Returns a run file beside the shipped benches.
-fn run_file(text: &str) -> Result<Scenario, ConfigError> {
+fn run_file(text: &str) -> Result<Scenario> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/benches");
     Scenario::from_document(&Document::from_text(text, &folder.join("lab.toml")))
 }
@@ -189,8 +189,7 @@ fn a_message_is_laid_upon_the_run_by_its_own_times_or_at_the_first_exposure() {
         Plant::File(file) => file,
         other @ (Plant::Outside | Plant::FlightComputer | Plant::Vehicle(_)) => panic!("{other:?}"),
     };
-    let [first, later] =
-        ["2026-03-01T00:00:00Z", "2026-03-01T00:00:05Z"].map(|text| base::time::Tai::from_rfc3339(text).unwrap());
+    let [first, later] = ["2026-03-01T00:00:00Z", "2026-03-01T00:00:05Z"].map(|text| Tai::from_rfc3339(text).unwrap());
     let own = file("");
     assert_eq!((own.begins, own.rests_outside), (Begins::Utc, false));
     let turn = |file: &FilePlant, zero, at| file.profile(zero).at(at).map(|truth| truth.body_from_icrf.wxyz()[2].abs());

@@ -6,11 +6,11 @@
 //! not contain it: a replay reads it from its original place.
 
 use crate::check::{Checker, Rule};
-use crate::key::{Section, listed, section};
+use crate::key::{Section, listed, section, taken};
 use crate::key_type::{Raw, Shape, Whole, Word};
 use crate::mtf::{Chain, MtfKeys};
 use crate::optics::{LARGEST_OBSCURATION, Optics};
-use crate::{detector::Detector, error::ConfigError};
+use crate::{detector::Detector, error::Result};
 use frames::sink::fits::FitsImage;
 use plan::optics::measured::{Background, Holds, MeasuredError, Measurement, StarAt};
 use plan::optics::psf_field::{MOST_NODES, PsfField};
@@ -175,7 +175,7 @@ impl Psf {
         detector: &Detector,
         optics: &Optics,
         check: &mut Checker<'_>,
-    ) -> Result<Self, ConfigError> {
+    ) -> Result<Self> {
         let model = keys.model().check(check)?;
         let is_chain = matches!(model, Model::Chain);
         if !is_chain {
@@ -219,7 +219,7 @@ impl Psf {
     }
 
     /// Returns how pixel values are computed from the PSF.
-    pub(super) fn check_sampling(keys: &PsfKeys, check: &mut Checker<'_>) -> Result<PsfSampling, ConfigError> {
+    pub(super) fn check_sampling(keys: &PsfKeys, check: &mut Checker<'_>) -> Result<PsfSampling> {
         let word = keys.sampling().check(check)?;
         let refuse = |wanted: &str| keys.sampling().invalid(format!("\"{word}\""), wanted, check);
         let sampling: PsfSampling =
@@ -254,7 +254,7 @@ impl PsfKeys {
 
 impl NodeKeys {
     /// Refuses keys that the model does not take.
-    pub(super) fn unused_by(&self, model: &str, check: &Checker<'_>) -> Result<(), ConfigError> {
+    pub(super) fn unused_by(&self, model: &str, check: &Checker<'_>) -> Result<()> {
         let of_measured = ["file", "samples_per_px", "holds", "background", "star_at", "light_inside"];
         for (owner, keys) in [("moffat", &["fwhm_px", "beta"][..]), ("measured", &of_measured)] {
             if owner != model {
@@ -265,14 +265,14 @@ impl NodeKeys {
     }
 
     /// Returns a Moffat profile.
-    pub(super) fn moffat(&self, check: &mut Checker<'_>) -> Result<PsfModel, ConfigError> {
+    pub(super) fn moffat(&self, check: &mut Checker<'_>) -> Result<PsfModel> {
         self.unused_by("moffat", check)?;
         let (fwhm_px, beta) = (self.fwhm_px().check(check)?, self.beta().check(check)?);
         Ok(PsfModel::Moffat(Moffat::of_fwhm(fwhm_px, beta)))
     }
 
     /// Returns the image of a star.
-    pub(super) fn measured(&self, check: &mut Checker<'_>) -> Result<PsfModel, ConfigError> {
+    pub(super) fn measured(&self, check: &mut Checker<'_>) -> Result<PsfModel> {
         self.unused_by("measured", check)?;
         let how = self.measurement(check)?;
         let file = self.file();
@@ -284,9 +284,8 @@ impl NodeKeys {
         Ok(PsfModel::grid(grid))
     }
 
-    fn measurement(&self, check: &mut Checker<'_>) -> Result<Measurement, ConfigError> {
-        let samples_per_px = self.samples_per_px().check(check)?;
-        let holds = self.holds().check(check)?;
+    fn measurement(&self, check: &mut Checker<'_>) -> Result<Measurement> {
+        taken!(check, self => samples_per_px, holds);
         let words = [("none", Background::None), ("border", Background::Border)];
         let given = self.background();
         let background = match given.raw() {
@@ -307,7 +306,7 @@ impl NodeKeys {
     }
 
     /// Returns the PSF of one node.
-    fn node(&self, check: &mut Checker<'_>) -> Result<PsfModel, ConfigError> {
+    fn node(&self, check: &mut Checker<'_>) -> Result<PsfModel> {
         let model = self.model().check(check)?;
         if !matches!(model, NodeModel::Gaussian) {
             self.refuse(&["sigma_px"], "model = \"gaussian\"", check)?;
@@ -324,7 +323,7 @@ impl NodeKeys {
 }
 
 /// Reads `nodes` and `[[psf.node]]` over a detector of `size_px`.
-pub(super) fn field(keys: &PsfKeys, size_px: [u32; 2], check: &mut Checker<'_>) -> Result<PsfModel, ConfigError> {
+pub(super) fn field(keys: &PsfKeys, size_px: [u32; 2], check: &mut Checker<'_>) -> Result<PsfModel> {
     let nodes = keys.nodes();
     let wanted = format!("two whole numbers from 2 to {MOST_NODES}");
     let given = nodes.raw().ok_or_else(|| nodes.missing(&wanted, check))?;
@@ -338,8 +337,7 @@ pub(super) fn field(keys: &PsfKeys, size_px: [u32; 2], check: &mut Checker<'_>) 
         let wanted = format!("{count}, row by row from the top left");
         return Err(check.invalid("psf.node", format!("given {} times", keys.node.len()), wanted, &nodes.advice));
     }
-    let psfs: Result<Vec<PsfModel>, ConfigError> =
-        listed(&keys.node, "psf.node").iter().map(|keys| keys.node(check)).collect();
+    let psfs: Result<Vec<PsfModel>> = listed(&keys.node, "psf.node").iter().map(|keys| keys.node(check)).collect();
     let field = PsfField::new(counts, size_px.map(|n| n as usize), psfs?);
     let field = field.map_err(|error| check.invalid("psf.node", error.to_string(), "a field", &nodes.advice));
     Ok(PsfModel::field(field?))

@@ -1,9 +1,9 @@
 //! `[radiometry]` and `[exposure]`.
 
 use crate::check::{Checker, Rule};
-use crate::key::{Section, section};
+use crate::key::{Section, section, taken};
 use crate::key_type::{Any, Raw, Shape, Word};
-use crate::{detector::Detector, error::ConfigError};
+use crate::{detector::Detector, error::Result};
 use core::fmt;
 use plan::optics::{GreyMap, GreyScale};
 use serde::Deserialize;
@@ -130,11 +130,7 @@ pub(super) enum Model {
 }
 
 impl Radiometry {
-    pub(super) fn check(
-        keys: &RadiometryKeys,
-        detector: &Detector,
-        check: &mut Checker<'_>,
-    ) -> Result<Self, ConfigError> {
+    pub(super) fn check(keys: &RadiometryKeys, detector: &Detector, check: &mut Checker<'_>) -> Result<Self> {
         let model = keys.model().check(check)?;
         let limiting_mag = keys.faintest(check)?;
         let seen_stars_left_out = keys.seen_stars_left_out().check(check)?;
@@ -164,7 +160,7 @@ impl Radiometry {
 
 impl RadiometryKeys {
     /// Returns the faintest magnitude to render; `None`: "auto".
-    fn faintest(&self, check: &mut Checker<'_>) -> Result<Option<f64>, ConfigError> {
+    fn faintest(&self, check: &mut Checker<'_>) -> Result<Option<f64>> {
         let given = self.limiting_mag();
         match given.raw() {
             None => {
@@ -177,12 +173,7 @@ impl RadiometryKeys {
         }
     }
 
-    fn grey_map(
-        &self,
-        limiting_mag: Option<f64>,
-        detector: &Detector,
-        check: &mut Checker<'_>,
-    ) -> Result<GreyMap, ConfigError> {
+    fn grey_map(&self, limiting_mag: Option<f64>, detector: &Detector, check: &mut Checker<'_>) -> Result<GreyMap> {
         let of_photons = ["zero_magnitude_photons_per_s_m2", "color_c1", "color_c2"];
         self.refuse(&of_photons, "model = \"photons\" or \"photons_v\"", check)?;
         let scale = self.grey_scale().check(check)?;
@@ -205,12 +196,9 @@ impl RadiometryKeys {
 }
 
 impl Exposure {
-    pub(super) fn check(keys: &ExposureKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
-        Ok(Self {
-            exposure_s: keys.exposure_s().check(check)?,
-            rolling_line_us: keys.rolling_line_us().check(check)?,
-            readout_s: keys.readout_s().check(check)?,
-        })
+    pub(super) fn check(keys: &ExposureKeys, check: &mut Checker<'_>) -> Result<Self> {
+        taken!(check, keys => exposure_s, rolling_line_us, readout_s);
+        Ok(Self { exposure_s, rolling_line_us, readout_s })
     }
 }
 

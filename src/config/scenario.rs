@@ -2,23 +2,26 @@
 //!
 //! A bench file holds all of it, and a bench is a scenario without a vehicle. A scenario file names a bench and a
 //! spacecraft, and takes everything else from the bench.
+//!
+//! `[plant.tracker]` of a plant outside: the built-in star trackers beside it.
 
 use crate::bench::{Bench, BesideBench, check_sinks_of_heads};
+use crate::camera::{HEADS_MAX, HeadKeys, check_heads};
 use crate::check::{Checker, Defaulted};
-use crate::error::{ConfigError, Partly};
+use crate::error::{Partly, Result};
 use crate::event::{Action, Event};
 use crate::expect::{Expect, ExpectKeys};
 use crate::file_kind::{FileKind, must_be_one_of};
-use crate::head::{HEADS_MAX, HeadKeys, check_heads};
-use crate::key::{Given, section};
+use crate::key::{Given, Section, section};
+use crate::observer::{Observer, OrbitSettings};
 use crate::plant::{
-    ControlKeys, FlightKeys, IN_BENCH, IN_SCENARIO, InitialKeys, Plant, PlantKind, PointingKeys, TelemetryKeys,
-    TrackerKeys, Vehicle,
+    ControlKeys, FilePlant, FlightKeys, IN_BENCH, IN_SCENARIO, InitialKeys, Plant, PlantKeys, PlantKind, PointingKeys,
+    TelemetryKeys, TrackerCommands, TrackerKeys, Vehicle,
 };
 use crate::several::{check_all, check_partly};
 use crate::{
-    document::Document, event_places::check_event_places, event_word::EventKeys, key_type::Whole, observer::Observer,
-    outside_trackers::OutsideTrackers, plant_file::FilePlant, session::SessionStart, setting::Setting,
+    document::Document, event_places::check_event_places, event_word::EventKeys, key_type::Whole, link::SessionStart,
+    setting::Setting,
 };
 use base::time::Span;
 use std::path::Path;
@@ -94,7 +97,7 @@ impl Bench {
     ///
     /// # Errors
     /// Everything that is wrong, as far as one error does not hide another.
-    pub fn from_document(document: &Document) -> Result<Self, ConfigError> {
+    pub fn from_document(document: &Document) -> Result<Self> {
         Scenario::from_document(document).map(|scenario| scenario.bench)
     }
 }
@@ -104,7 +107,7 @@ impl Scenario {
     ///
     /// # Errors
     /// The first thing that is wrong.
-    pub fn load(path: &Path) -> Result<Self, ConfigError> {
+    pub fn load(path: &Path) -> Result<Self> {
         Self::from_document(&Document::open(path)?)
     }
 
@@ -112,13 +115,13 @@ impl Scenario {
     ///
     /// # Errors
     /// Everything that is wrong, as far as one error does not hide another.
-    pub fn from_document(document: &Document) -> Result<Self, ConfigError> {
+    pub fn from_document(document: &Document) -> Result<Self> {
         must_be_one_of(&[FileKind::Bench, FileKind::Scenario], document)?;
         check_all(document, if is_over_bench(document) { Self::over_bench } else { Self::in_one_file })
     }
 
     /// Checks a run file that another one names: the run without what is wrong, and what is wrong.
-    fn partly(document: &Document) -> Result<Partly<Self>, ConfigError> {
+    fn partly(document: &Document) -> Result<Partly<Self>> {
         must_be_one_of(&[FileKind::Bench, FileKind::Scenario], document)?;
         check_partly(document, if is_over_bench(document) { Self::over_bench } else { Self::in_one_file })
     }
@@ -128,7 +131,7 @@ impl Scenario {
     ///
     /// # Errors
     /// As [`Self::from_document`].
-    pub fn from_document_lasting(document: Document, duration_s: f64) -> Result<Self, ConfigError> {
+    pub fn from_document_lasting(document: Document, duration_s: f64) -> Result<Self> {
         if !is_scenario(&document) {
             return Self::from_document(&document).map(|scenario| scenario.lasting(duration_s));
         }
@@ -164,7 +167,7 @@ impl Scenario {
     }
 
     /// Checks a file that holds all.
-    fn in_one_file(document: &Document) -> Result<Partly<Self>, ConfigError> {
+    fn in_one_file(document: &Document) -> Result<Partly<Self>> {
         let (bench, beside) = Bench::checked(document)?;
         let mut check = Checker::new(document);
         let BesideBench { plant_kind, spacecraft, plant, event, expect, named_errors } = beside;
@@ -205,7 +208,7 @@ impl Scenario {
     }
 
     /// Checks a scenario that names a bench.
-    fn over_bench(document: &Document) -> Result<Partly<Self>, ConfigError> {
+    fn over_bench(document: &Document) -> Result<Partly<Self>> {
         let keys: ScenarioKeys = document.read_as()?;
         let mut check = Checker::new(document);
         let name = check.folder_name(keys.name().raw().cloned())?;
@@ -242,10 +245,10 @@ impl Scenario {
 }
 
 /// Refuses a bench in which a spacecraft cannot be flown.
-fn check_can_fly(bench: &Bench, check: &Checker<'_>) -> Result<(), ConfigError> {
+fn check_can_fly(bench: &Bench, check: &Checker<'_>) -> Result<()> {
     let got = format!("\"{}\"", bench.name);
     let refuse = |wanted: &str, advice: &str| Err(check.invalid("bench", &got, wanted, advice));
-    if !matches!(bench.observer, Observer::CircularOrbit { .. }) {
+    if !matches!(bench.observer, Observer::Orbit(OrbitSettings::Circular { .. })) {
         let advice = "the flown orbit is circular: gravity gradient and aberration follow it";
         return refuse("a bench whose observer.kind is \"circular_orbit\"", advice);
     }
@@ -270,7 +273,7 @@ fn check_can_fly(bench: &Bench, check: &Checker<'_>) -> Result<(), ConfigError> 
     Ok(())
 }
 
-fn named_bench(given: &Given<'_, String>, check: &mut Checker<'_>) -> Result<Bench, ConfigError> {
+fn named_bench(given: &Given<'_, String>, check: &mut Checker<'_>) -> Result<Bench> {
     let path = given.raw().ok_or_else(|| given.missing("a path", check))?;
     let scenario = Scenario::partly(&check.document.named("bench", path)?)?;
     let bench = check.take(scenario).bench;
@@ -281,12 +284,7 @@ fn named_bench(given: &Given<'_, String>, check: &mut Checker<'_>) -> Result<Ben
 /// Events in order of time. One that comes after the end is refused, unless the file's own run lasts long enough for
 /// it: then a setting cut the run short, and the event is left out. `wheels`: of the spacecraft that is flown inside,
 /// if one is.
-fn events(
-    keys: &[EventKeys],
-    bench: &Bench,
-    wheels: Option<usize>,
-    check: &mut Checker<'_>,
-) -> Result<Vec<Event>, ConfigError> {
+fn events(keys: &[EventKeys], bench: &Bench, wheels: Option<usize>, check: &mut Checker<'_>) -> Result<Vec<Event>> {
     let duration_s = bench.timing.duration_s;
     let frame_period = Span::from_s(1.0 / bench.timing.frame_rate_hz);
     let mut events: Vec<Event> = Vec::with_capacity(keys.len());
@@ -320,7 +318,7 @@ fn events(
 }
 
 /// Refuses a trigger line of a head that the bench does not have.
-fn check_trigger_heads(bench: &Bench, check: &Checker<'_>) -> Result<(), ConfigError> {
+fn check_trigger_heads(bench: &Bench, check: &Checker<'_>) -> Result<()> {
     let heads = bench.head_count();
     let beyond = bench.trigger_lines.iter().zip(0..).find_map(|(line, place)| {
         let head = line.head.filter(|head| *head >= heads)?;
@@ -331,7 +329,7 @@ fn check_trigger_heads(bench: &Bench, check: &Checker<'_>) -> Result<(), ConfigE
     Err(check.invalid(&format!("trigger_line[{place}].head"), head, wanted, "they are counted from 0"))
 }
 
-fn check_triggers_fire_once(events: &[Event], check: &Checker<'_>) -> Result<(), ConfigError> {
+fn check_triggers_fire_once(events: &[Event], check: &Checker<'_>) -> Result<()> {
     for (place, event) in events.iter().enumerate() {
         let is_trigger = matches!(event.action, Action::Trigger { .. });
         if is_trigger && events[..place].iter().any(|earlier| earlier.action == event.action) {
@@ -355,7 +353,7 @@ fn written_duration_s(document: &Document) -> Option<f64> {
 }
 
 /// Takes seeds and duration from the scenario, when it gives them.
-fn override_bench(bench: &mut Bench, keys: &ScenarioKeys, check: &Checker<'_>) -> Result<(), ConfigError> {
+fn override_bench(bench: &mut Bench, keys: &ScenarioKeys, check: &Checker<'_>) -> Result<()> {
     if let Some(duration_s) = keys.duration_s().optional(check)? {
         bench.timing.duration_s = duration_s;
     }
@@ -364,4 +362,49 @@ fn override_bench(bench: &mut Bench, keys: &ScenarioKeys, check: &Checker<'_>) -
         bench.seed = seed;
     }
     Ok(())
+}
+
+/// The built-in star trackers beside a plant outside, one for each head.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OutsideTrackers {
+    /// How long a tracker thinks: end of readout to attitude.
+    pub delay: Span,
+    /// Error of the trackers' time tags, unknown to their readers.
+    pub tag_error: Span,
+    /// Most stars a tracker measures in a frame.
+    pub most_stars: usize,
+    /// Commands of the trackers to their cameras.
+    pub commands: TrackerCommands,
+}
+
+impl Default for OutsideTrackers {
+    /// Returns the values of a `[plant.tracker]` without keys.
+    fn default() -> Self {
+        Self { delay: Span::from_ms(50), tag_error: Span::ZERO, most_stars: 40, commands: TrackerCommands::default() }
+    }
+}
+
+impl PlantKeys {
+    /// Reads the trackers beside a plant outside, if it has any.
+    pub(super) fn outside_trackers(&self, bench: &Bench, check: &mut Checker<'_>) -> Result<Option<OutsideTrackers>> {
+        let Some(tracker) = self.tracker.as_ref() else { return Ok(None) };
+        check.unused(
+            "plant.tracker",
+            !bench.is_lockstep(),
+            "a plant outside in lockstep, without a bus that leads out",
+        )?;
+        let heads = || (0..bench.head_count()).map(|number| bench.of_head(number));
+        if heads().any(|head| head.camera.distortion.polynomial.is_some()) {
+            let advice =
+                "the built-in tracker knows no other distortion: leave plant.tracker out, or choose another camera";
+            let wanted = "a camera whose distortion.model is \"brown-conrady\"";
+            return Err(check.invalid("plant.tracker", "given", wanted, advice));
+        }
+        let tracker = tracker.at("plant.tracker");
+        let delay = tracker.delay_ms().ms(check)?;
+        let tag_error = tracker.tag_error_ms().ms(check)?;
+        let most_stars = tracker.stars().check(check)?;
+        let commands = TrackerCommands::check(&tracker, check)?;
+        Ok(Some(OutsideTrackers { delay, tag_error, most_stars, commands }))
+    }
 }

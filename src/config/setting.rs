@@ -4,7 +4,7 @@
 //! file names another file, such as `bench.timing.frame_rate_hz`, changes that file's value. VALUE is TOML; any other
 //! word is taken as a string, so that a shell needs no second quotes. Tests: `setting_tests`.
 
-use crate::error::ConfigError;
+use crate::error::{ConfigError, Result};
 
 /// Keys whose value may be the path of a file that is read in their place.
 pub(super) const NAMES_A_FILE: [&str; 4] = ["bench", "camera", "link", "spacecraft"];
@@ -31,7 +31,7 @@ impl Setting {
     ///
     /// # Errors
     /// When it has no `=`, no usable key, or a value that is neither TOML nor a word.
-    pub fn parse(text: &str) -> Result<Self, ConfigError> {
+    pub fn parse(text: &str) -> Result<Self> {
         let refuse = |key: &str, got: &str, wanted: &str| ConfigError::Invalid {
             place: "--set".into(),
             key: key.into(),
@@ -79,7 +79,7 @@ impl Setting {
     }
 
     /// Changes `table`; false when the value belongs to a file that the table names.
-    pub(super) fn apply(&self, table: &mut toml::Table) -> Result<bool, ConfigError> {
+    pub(super) fn apply(&self, table: &mut toml::Table) -> Result<bool> {
         if self.is_of_another_file(table) {
             return Ok(false);
         }
@@ -107,7 +107,7 @@ impl Setting {
     }
 
     /// Returns the value itself, or its item when the step says which.
-    fn item<'a>(&self, step: &Step, value: &'a mut toml::Value) -> Result<&'a mut toml::Value, ConfigError> {
+    fn item<'a>(&self, step: &Step, value: &'a mut toml::Value) -> Result<&'a mut toml::Value> {
         let Some(place) = step.place else { return Ok(value) };
         let list = value.as_array_mut().ok_or_else(|| self.refuse(step, "no list", "a list"))?;
         let obtained = list.len();

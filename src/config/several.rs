@@ -6,16 +6,13 @@
 //! that the rest of that file makes, so that they hide nothing in the document.
 
 use crate::document::Document;
-use crate::error::{ConfigError, Partly};
+use crate::error::{ConfigError, Partly, Result};
 
 /// Errors after which no more are looked for.
 const ERRORS_MAX: usize = 20;
 
 /// Checks a document; all errors when there are several.
-pub(super) fn check_all<T>(
-    document: &Document,
-    check: impl Fn(&Document) -> Result<Partly<T>, ConfigError>,
-) -> Result<T, ConfigError> {
+pub(super) fn check_all<T>(document: &Document, check: impl Fn(&Document) -> Result<Partly<T>>) -> Result<T> {
     let (checked, errors) = check_partly(document, check)?;
     if errors.is_empty() { Ok(checked) } else { Err(ConfigError::of(errors)) }
 }
@@ -24,8 +21,8 @@ pub(super) fn check_all<T>(
 /// nothing is left without what is wrong.
 pub(super) fn check_partly<T>(
     document: &Document,
-    check: impl Fn(&Document) -> Result<Partly<T>, ConfigError>,
-) -> Result<Partly<T>, ConfigError> {
+    check: impl Fn(&Document) -> Result<Partly<T>>,
+) -> Result<Partly<T>> {
     let mut rest = document.clone();
     let mut errors: Vec<ConfigError> = Vec::new();
     for _ in 0..2 * ERRORS_MAX {

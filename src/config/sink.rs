@@ -4,9 +4,11 @@
 
 use crate::declared::{Declared, Presence, Preset};
 use crate::display::{DisplayKeys, DisplaySettings};
+use crate::error::{ConfigError, Result};
 use crate::key::{Inner, Section, section, taken};
 use crate::key_type::{Any, Shape, Whole, Word};
-use crate::{check::Checker, error::ConfigError, network_camera as network_camera_keys};
+use crate::{check::Checker, network_camera as network_camera_keys};
+use frames::sink::RecorderOptions;
 use outputs::network_camera::Params as NetworkCameraParams;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
@@ -31,12 +33,8 @@ pub enum Sink {
         /// Output directory, relative to the working directory: each run has one of its own in it. `None`: below that
         /// of the run.
         directory: Option<PathBuf>,
-        /// One FITS file per frame.
-        fits: bool,
-        /// All frames in one SER file.
-        ser: bool,
-        /// A PNG of every n-th frame; 0: none.
-        png_every: u32,
+        /// Kinds of files.
+        options: RecorderOptions,
     },
     /// Memory that programs on this machine read.
     SharedMemory {
@@ -199,7 +197,7 @@ pub(super) struct SinkTable<'a> {
 
 impl SinkTable<'_> {
     /// Returns its keys as those of a kind.
-    fn read<S: Section>(&self, kind: &str, check: &Checker<'_>) -> Result<S, ConfigError> {
+    fn read<S: Section>(&self, kind: &str, check: &Checker<'_>) -> Result<S> {
         let keys: S = check.document.read_table(&self.keys, self.name, &format!(" (kind = \"{kind}\")"))?;
         Ok(keys.at(self.name))
     }
@@ -213,7 +211,7 @@ impl SinkSettings {
         bench: &str,
         image_px: [u32; 2],
         check: &mut Checker<'_>,
-    ) -> Result<Vec<Self>, ConfigError> {
+    ) -> Result<Vec<Self>> {
         let mut sinks = vec![Self::check("sink", first, bench, image_px, check)?];
         for (i, keys) in extra.into_iter().enumerate() {
             let name = format!("extra_sink[{i}]");
@@ -237,13 +235,7 @@ impl SinkSettings {
         Ok(sinks)
     }
 
-    fn check(
-        name: &str,
-        keys: SinkKeys,
-        bench: &str,
-        image_px: [u32; 2],
-        check: &mut Checker<'_>,
-    ) -> Result<Self, ConfigError> {
+    fn check(name: &str, keys: SinkKeys, bench: &str, image_px: [u32; 2], check: &mut Checker<'_>) -> Result<Self> {
         let document = check.document;
         let mut keys = keys.0;
         let common = keys.iter().filter(|(key, _)| matches!(key.as_str(), "kind" | "queue"));
@@ -256,7 +248,7 @@ impl SinkSettings {
     }
 }
 
-fn read_kind(kind: Kind, table: &SinkTable<'_>, check: &mut Checker<'_>) -> Result<Sink, ConfigError> {
+fn read_kind(kind: Kind, table: &SinkTable<'_>, check: &mut Checker<'_>) -> Result<Sink> {
     match kind {
         Kind::Recorder => recorder(table, check),
         Kind::SharedMemory => shared_memory(table, check),
@@ -277,7 +269,7 @@ fn read_kind(kind: Kind, table: &SinkTable<'_>, check: &mut Checker<'_>) -> Resu
     }
 }
 
-fn recorder(table: &SinkTable<'_>, check: &mut Checker<'_>) -> Result<Sink, ConfigError> {
+fn recorder(table: &SinkTable<'_>, check: &mut Checker<'_>) -> Result<Sink> {
     let keys: RecorderKeys = table.read("recorder", check)?;
     let is_below_run = table.name != "sink" && !keys.directory().is_given();
     let directory = keys.directory().or(format!("out/{}", table.bench));
@@ -286,10 +278,11 @@ fn recorder(table: &SinkTable<'_>, check: &mut Checker<'_>) -> Result<Sink, Conf
         return Err(keys.directory().invalid("empty", "a directory", check));
     }
     taken!(check, keys => fits, ser, png_every);
-    Ok(Sink::Recorder { directory: directory.map(PathBuf::from), fits, ser, png_every })
+    let options = RecorderOptions { fits, truth: true, png_every, ser };
+    Ok(Sink::Recorder { directory: directory.map(PathBuf::from), options })
 }
 
-fn shared_memory(table: &SinkTable<'_>, check: &mut Checker<'_>) -> Result<Sink, ConfigError> {
+fn shared_memory(table: &SinkTable<'_>, check: &mut Checker<'_>) -> Result<Sink> {
     let keys: SharedMemoryKeys = table.read("shared_memory", check)?;
     let name: String = table.bench.chars().map(|c| if c.is_alphanumeric() { c } else { '_' }).collect();
     let path = keys.path().or(format!("/dev/shm/starloop_{name}")).check(check)?;
@@ -299,7 +292,7 @@ fn shared_memory(table: &SinkTable<'_>, check: &mut Checker<'_>) -> Result<Sink,
     Ok(Sink::SharedMemory { path: path.into(), slots: keys.slots().check(check)? })
 }
 
-fn iceoryx(table: &SinkTable<'_>, check: &mut Checker<'_>) -> Result<Sink, ConfigError> {
+fn iceoryx(table: &SinkTable<'_>, check: &mut Checker<'_>) -> Result<Sink> {
     let keys: IceoryxKeys = table.read("iceoryx2", check)?;
     if !cfg!(feature = "iceoryx2") {
         let advice = "install one with `cargo install --locked --path . --features iceoryx2`, or use kind = \

@@ -2,7 +2,7 @@
 
 use crate::check::{Checker, Defaulted, Rule};
 use crate::document::Document;
-use crate::error::{ConfigError, Partly};
+use crate::error::{Partly, Result};
 use crate::file_kind::{FileKind, must_be};
 use crate::key::{Given, listed, section, taken};
 use crate::key_type::{Any, Numbers, Raw, Shape};
@@ -201,7 +201,7 @@ impl Spacecraft {
     ///
     /// # Errors
     /// The first thing that is wrong with it.
-    pub fn load(path: &Path) -> Result<Self, ConfigError> {
+    pub fn load(path: &Path) -> Result<Self> {
         Self::from_document(&Document::open(path)?)
     }
 
@@ -209,18 +209,18 @@ impl Spacecraft {
     ///
     /// # Errors
     /// The first thing that is wrong with it.
-    pub fn from_document(document: &Document) -> Result<Self, ConfigError> {
+    pub fn from_document(document: &Document) -> Result<Self> {
         must_be(FileKind::Spacecraft, document)?;
         check_all(document, Self::checked)
     }
 
     /// Checks a spacecraft that a run names: the spacecraft without what is wrong, and what is wrong.
-    pub(super) fn partly(document: &Document) -> Result<Partly<Self>, ConfigError> {
+    pub(super) fn partly(document: &Document) -> Result<Partly<Self>> {
         must_be(FileKind::Spacecraft, document)?;
         check_partly(document, Self::checked)
     }
 
-    fn checked(document: &Document) -> Result<Partly<Self>, ConfigError> {
+    fn checked(document: &Document) -> Result<Partly<Self>> {
         let keys: SpacecraftKeys = document.read_as()?;
         let mut check = Checker::new(document);
         let name = check.label(keys.name().raw().cloned())?;
@@ -272,7 +272,7 @@ fn placeholder_orbit() -> CircularOrbitParams {
     }
 }
 
-fn direction(given: Given<'_, [f64; 3]>, check: &mut Checker<'_>) -> Result<DVec3, ConfigError> {
+fn direction(given: Given<'_, [f64; 3]>, check: &mut Checker<'_>) -> Result<DVec3> {
     let key = given.key();
     let advice = given.advice.clone();
     let components = given.check(check)?;
@@ -285,7 +285,7 @@ fn direction(given: Given<'_, [f64; 3]>, check: &mut Checker<'_>) -> Result<DVec
 }
 
 impl WheelKeys {
-    fn params(&self, check: &mut Checker<'_>) -> Result<WheelParams, ConfigError> {
+    fn params(&self, check: &mut Checker<'_>) -> Result<WheelParams> {
         taken!(check, self => inertia_kg_m2, largest_torque_n_m, largest_speed_rpm, viscous_n_m_s, coulomb_n_m);
         let initial_speed = self.initial_speed_rpm().within(Rule::Within(-largest_speed_rpm, largest_speed_rpm));
         let initial_rpm = initial_speed.check(check)?;
@@ -310,13 +310,13 @@ impl WheelKeys {
 }
 
 impl ModeKeys {
-    fn params(&self, check: &mut Checker<'_>) -> Result<FlexibleMode, ConfigError> {
+    fn params(&self, check: &mut Checker<'_>) -> Result<FlexibleMode> {
         taken!(check, self => frequency_hz, damping, coupling_sqrt_kg_m);
         Ok(FlexibleMode { frequency_hz, damping, coupling: DVec3::from_array(coupling_sqrt_kg_m) })
     }
 }
 
-fn disturbance(keys: &DisturbanceKeys, check: &mut Checker<'_>) -> Result<DisturbanceParams, ConfigError> {
+fn disturbance(keys: &DisturbanceKeys, check: &mut Checker<'_>) -> Result<DisturbanceParams> {
     taken!(check, keys => constant_torque_n_m, solar_torque_icrf_n_m, random_walk_n_m_sqrt_s, gravity_gradient);
     Ok(DisturbanceParams {
         constant_torque_n_m: DVec3::from_array(constant_torque_n_m),
@@ -326,15 +326,14 @@ fn disturbance(keys: &DisturbanceKeys, check: &mut Checker<'_>) -> Result<Distur
     })
 }
 
-fn unloading(keys: &UnloadingKeys, check: &mut Checker<'_>) -> Result<UnloadingParams, ConfigError> {
+fn unloading(keys: &UnloadingKeys, check: &mut Checker<'_>) -> Result<UnloadingParams> {
     taken!(check, keys => gain_per_s, largest_torque_n_m);
     Ok(UnloadingParams { gain_per_s, largest_torque_n_m })
 }
 
-fn gyro(keys: &GyroKeys, check: &mut Checker<'_>) -> Result<GyroParams, ConfigError> {
-    taken!(check, keys => initial_bias_deg_h, misalignment_arcsec);
-    taken!(check, keys => angle_random_walk_deg_sqrt_h, rate_random_walk_deg_h_sqrt_h, scale_factor_ppm);
-    taken!(check, keys => quantum_arcsec, largest_rate_deg_s);
+fn gyro(keys: &GyroKeys, check: &mut Checker<'_>) -> Result<GyroParams> {
+    taken!(check, keys => initial_bias_deg_h, misalignment_arcsec, angle_random_walk_deg_sqrt_h);
+    taken!(check, keys => rate_random_walk_deg_h_sqrt_h, scale_factor_ppm, quantum_arcsec, largest_rate_deg_s);
     Ok(GyroParams {
         angle_random_walk_rad_sqrt_s: angle_random_walk_deg_sqrt_h * DEG / SQRT_H,
         rate_random_walk_rad_s_sqrt_s: rate_random_walk_deg_h_sqrt_h * DEG / 3600.0 / SQRT_H,
@@ -346,7 +345,7 @@ fn gyro(keys: &GyroKeys, check: &mut Checker<'_>) -> Result<GyroParams, ConfigEr
     })
 }
 
-fn control(keys: &ControlKeys, check: &mut Checker<'_>) -> Result<Control, ConfigError> {
+fn control(keys: &ControlKeys, check: &mut Checker<'_>) -> Result<Control> {
     let keep_out = keys.keep_out.as_ref().map(|keys| keep_out(keys, check)).transpose()?;
     let period = keys.period_ms().ms(check)?;
     taken!(check, keys => fine_bandwidth_hz, coarse_bandwidth_hz, damping, slew_rate_deg_s, slew_acceleration_deg_s2);
@@ -361,7 +360,7 @@ fn control(keys: &ControlKeys, check: &mut Checker<'_>) -> Result<Control, Confi
     })
 }
 
-fn keep_out(keys: &KeepOutKeys, check: &mut Checker<'_>) -> Result<(DVec3, f64), ConfigError> {
+fn keep_out(keys: &KeepOutKeys, check: &mut Checker<'_>) -> Result<(DVec3, f64)> {
     let half_angle_deg = keys.half_angle_deg().check(check)?;
     Ok((direction(keys.boresight_body(), check)?, half_angle_deg * DEG))
 }

@@ -1,7 +1,7 @@
 //! `[attitude]`, `[accuracy]`, `[render]`: how the stimulator does its work.
 
 use crate::key::{section, taken};
-use crate::{check::Checker, error::ConfigError, key_type::Word};
+use crate::{check::Checker, error::Result, key_type::Word};
 use base::{accuracy::AccuracyBudget, time::Span};
 use frames::camera_control::longest_exposure_s;
 use plan::attitude::{EstimateLimits, HistoryLimits, RemoteClockLimits, StalePolicy};
@@ -32,13 +32,13 @@ pub struct AttitudeSettings {
 /// Which implementation renders.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Backend {
-    /// The GPU when there is one, else the CPU.
+    /// A hardware GPU when there is one, else the CPU.
     Auto,
-    /// The GPU, or an error.
+    /// The GPU (software Vulkan counts), or an error.
     Gpu,
     /// The CPU.
     Cpu,
-    /// The slow one that is right.
+    /// The f64 reference.
     Reference,
 }
 
@@ -121,7 +121,7 @@ impl AttitudeSettings {
         jitter_hz: f64,
         exposure_s: f64,
         check: &mut Checker<'_>,
-    ) -> Result<Self, ConfigError> {
+    ) -> Result<Self> {
         let [policy, policy_on_real_clock] = stale_policies(keys, check)?;
         let period_ms = 1000.0 / attitude_hz;
         let stale_after = keys.stale_after_ms().or(500_f64.max(5.0 * period_ms)).ms(check)?;
@@ -155,13 +155,13 @@ impl AttitudeSettings {
 /// Returns the policy for a stream that has stopped, on the virtual clock and on the real one. Without the key a
 /// simulated run goes on from the last attitude; one with hardware sends no frame, so that a tracker never sees a
 /// frozen sky.
-fn stale_policies(keys: &AttitudeKeys, check: &mut Checker<'_>) -> Result<[StalePolicy; 2], ConfigError> {
+fn stale_policies(keys: &AttitudeKeys, check: &mut Checker<'_>) -> Result<[StalePolicy; 2]> {
     let policy = keys.stale_policy().check(check)?;
     Ok(if keys.stale_policy().is_given() { [policy; 2] } else { [StalePolicy::Hold, StalePolicy::Drop] })
 }
 
 /// Returns the time correlation: what the link and the remote clock are like.
-fn check_clock(keys: &AttitudeKeys, check: &mut Checker<'_>) -> Result<RemoteClockLimits, ConfigError> {
+fn check_clock(keys: &AttitudeKeys, check: &mut Checker<'_>) -> Result<RemoteClockLimits> {
     let constant_delay = Span::from_s(keys.link_delay_us().check(check)? * 1e-6);
     let window = Span::from_s(keys.clock_window_s().check(check)?);
     let step = keys.clock_step_ms().ms(check)?;
@@ -179,13 +179,13 @@ fn capacity(rate_hz: f64, time_s: f64) -> usize {
     capacity
 }
 
-pub(super) fn check_accuracy(keys: &AccuracyKeys, check: &mut Checker<'_>) -> Result<AccuracyBudget, ConfigError> {
+pub(super) fn check_accuracy(keys: &AccuracyKeys, check: &mut Checker<'_>) -> Result<AccuracyBudget> {
     taken!(check, keys => centroid_px, flux_rel, pixel_sigma, los_arcsec);
     Ok(AccuracyBudget { centroid_px, flux_rel, pixel_sigma, los_arcsec })
 }
 
 impl Render {
-    pub(super) fn check(keys: &RenderKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+    pub(super) fn check(keys: &RenderKeys, check: &mut Checker<'_>) -> Result<Self> {
         taken!(check, keys => backend, method);
         let wanted = "auto, static, gauss-legendre, effective-psf or samples, with :N for a number of nodes";
         let method = method.parse().map_err(|_| keys.method().invalid(format!("\"{method}\""), wanted, check))?;

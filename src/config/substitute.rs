@@ -1,9 +1,10 @@
 //! Substitutes for bad values while the rest of a document is checked: the word that was meant, or, for a key that must
 //! be given, any value that its declaration allows.
 
+use crate::error::{ConfigError, meant_word};
 use crate::{
-    declared::Preset, document::Document, error::ConfigError, file_keys::declared, file_kind::FileKind,
-    key_type::Shape, nearest::meant_word, setting::Setting, wrong_type::declared_key,
+    declared::Preset, document::Document, document_tables::declared_key, file_kind::FileKind, key_type::Shape,
+    reference::declared, setting::Setting,
 };
 
 /// Number of the trigger that replaces the first event without a word; no file has it by chance.

@@ -3,8 +3,8 @@
 
 use crate::key::{Section, section, taken};
 use crate::key_type::{Numbers, Raw, Shape, Whole, Word};
-use crate::target_orbit::{KINDS, Kind, OrbitSettings, USUAL_ALBEDO, check_brightness};
-use crate::{check::Checker, document::Document, error::ConfigError};
+use crate::target_orbit::{KINDS, Kind, USUAL_ALBEDO, check_brightness};
+use crate::{check::Checker, document::Document, error::Result, observer::OrbitSettings};
 use plan::exposure::{TargetCurve, TargetPath};
 use sky::{orbit::USUAL_MOST_DAYS, target::Brightness};
 use std::path::Path;
@@ -145,7 +145,7 @@ section! {
 const STATE: &str = "from the geocentre in ICRF axes, km and km/s";
 
 /// Checks all targets of a bench.
-pub(super) fn check_targets(keys: &[TargetKeys], check: &mut Checker<'_>) -> Result<Vec<TargetSettings>, ConfigError> {
+pub(super) fn check_targets(keys: &[TargetKeys], check: &mut Checker<'_>) -> Result<Vec<TargetSettings>> {
     if keys.len() > TARGETS_MAX {
         let wanted = format!("at most {TARGETS_MAX}");
         return Err(check.invalid("target", keys.len(), wanted, "each is drawn node by node: leave some out"));
@@ -154,7 +154,7 @@ pub(super) fn check_targets(keys: &[TargetKeys], check: &mut Checker<'_>) -> Res
 }
 
 /// Refuses a target that is first seen when the run is over.
-pub(super) fn check_seen(targets: &[TargetSettings], duration_s: f64, check: &Checker<'_>) -> Result<(), ConfigError> {
+pub(super) fn check_seen(targets: &[TargetSettings], duration_s: f64, check: &Checker<'_>) -> Result<()> {
     let is_late = |target: &TargetSettings| target.start_s >= duration_s;
     // A setting may cut a run short.
     let Some(place) = targets.iter().position(is_late).filter(|_| !check.document.has_settings()) else {
@@ -169,12 +169,12 @@ impl TargetSettings {
     ///
     /// # Errors
     /// The first thing that is wrong.
-    pub fn from_json(keys: &serde_json::Map<String, serde_json::Value>) -> Result<Self, ConfigError> {
+    pub fn from_json(keys: &serde_json::Map<String, serde_json::Value>) -> Result<Self> {
         let document = Document::of_json(keys, Path::new("target"))?;
         Self::check(&document.read_as::<TargetKeys>()?, 0, &mut Checker::new(&document))
     }
 
-    fn check(keys: &TargetKeys, place: usize, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+    fn check(keys: &TargetKeys, place: usize, check: &mut Checker<'_>) -> Result<Self> {
         let keys = &keys.at(&format!("target[{place}]"));
         let start_s = keys.start_s().check(check)?;
         let for_s = keys.for_s().optional(check)?.unwrap_or(f64::INFINITY);
@@ -189,7 +189,7 @@ impl TargetSettings {
         Ok(Self { start_s, for_s, course, light })
     }
 
-    fn path(keys: &TargetKeys, check: &mut Checker<'_>) -> Result<TargetPath, ConfigError> {
+    fn path(keys: &TargetKeys, check: &mut Checker<'_>) -> Result<TargetPath> {
         if !keys.position_px().is_given() {
             return Err(keys.position_px().missing("two numbers, px", check));
         }
@@ -204,7 +204,7 @@ impl TargetSettings {
         Ok(TargetPath { position_px, velocity_px_s, curve: accelerating.or(arc).unwrap_or(TargetCurve::Straight) })
     }
 
-    fn light(keys: &TargetKeys, check: &mut Checker<'_>) -> Result<TargetLight, ConfigError> {
+    fn light(keys: &TargetKeys, check: &mut Checker<'_>) -> Result<TargetLight> {
         if !keys.mag().is_given() {
             keys.refuse(&["bp_rp"], "mag", check)?;
         }

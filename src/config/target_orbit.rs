@@ -1,57 +1,17 @@
 //! `[[target]] orbit = ...`: targets on the sky, by where they fly about the Earth and how they shine.
 
 use crate::key::{Given, Section, taken};
-use crate::{check::Checker, error::ConfigError, key_type::Raw, target::TargetKeys};
+use crate::observer::{OrbitSettings, OrbitStart};
+use crate::{check::Checker, error::Result, key_type::Raw, target::TargetKeys};
 use base::{time::Tai, units::DEG};
 use histories::read::packed;
-use sky::orbit::KeplerElements;
+use sky::orbit::{CentralBody, KeplerElements};
 use sky::target::{Brightness, MOST_PHASE_POINTS, PhaseCurve, SUN_BP_RP};
 
 /// Largest size of a file of elements, bytes: a whole catalog.
 const LARGEST_FILE: usize = 64 << 20;
 /// Reflectance assumed for a target: a usual mean of spacecraft and debris.
 pub(super) const USUAL_ALBEDO: f64 = 0.175;
-
-/// Where a target flies, checked as far as its form goes.
-#[derive(Debug, Clone, PartialEq)]
-pub enum OrbitSettings {
-    /// Mean elements: the one set, or the object with the number.
-    Mean {
-        /// Lines, or an orbit mean-elements message.
-        text: String,
-        /// Catalog number.
-        norad_id: Option<u64>,
-        /// Furthest from their epoch that they are used, days.
-        max_age_days: f64,
-    },
-    /// Elements of a conic about the Earth's centre, ICRF axes.
-    TwoBody {
-        /// When they hold.
-        epoch: Tai,
-        /// They.
-        elements: KeplerElements,
-    },
-    /// A state from the geocentre, ICRF axes.
-    StateVector {
-        /// When it holds.
-        epoch: Tai,
-        /// Position, km.
-        position_km: [f64; 3],
-        /// Velocity, km/s.
-        velocity_km_s: [f64; 3],
-    },
-    /// A circle about the Earth's centre.
-    Circular {
-        /// Height above the equatorial radius, km.
-        altitude_km: f64,
-        /// Inclination to the equator, deg.
-        inclination_deg: f64,
-        /// Right ascension of the ascending node, deg.
-        raan_deg: f64,
-        /// Angle from the node along the orbit at the first exposure, deg.
-        argument_of_latitude_deg: f64,
-    },
-}
 
 /// Kinds of `orbit`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -99,7 +59,7 @@ const LIGHT_KEYS: [&str; 5] = ["diameter_m", "albedo", "specular", "mag_1000km",
 
 impl OrbitSettings {
     /// Returns the orbit of a target.
-    pub(super) fn check(keys: &TargetKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+    pub(super) fn check(keys: &TargetKeys, check: &mut Checker<'_>) -> Result<Self> {
         let kind = keys.orbit().check(check)?;
         for (name, kinds) in ORBIT_KEYS.iter().filter(|(_, kinds)| !kinds.contains(&kind)) {
             let words: Vec<_> = KINDS.iter().filter(|(_, kind)| kinds.contains(kind)).map(|(word, _)| *word).collect();
@@ -116,14 +76,14 @@ impl OrbitSettings {
     }
 
     /// Refuses what only orbits have, of a target by script.
-    pub(super) fn check_none(keys: &TargetKeys, check: &Checker<'_>) -> Result<(), ConfigError> {
+    pub(super) fn check_none(keys: &TargetKeys, check: &Checker<'_>) -> Result<()> {
         keys.refuse(&ORBIT_KEYS.map(|(key, _)| key), "a target with orbit", check)?;
         keys.refuse(&LIGHT_KEYS, "a target with orbit", check)
     }
 }
 
 /// Returns the brightness of a target and its colour.
-pub(super) fn check_brightness(keys: &TargetKeys, check: &mut Checker<'_>) -> Result<(Brightness, f64), ConfigError> {
+pub(super) fn check_brightness(keys: &TargetKeys, check: &mut Checker<'_>) -> Result<(Brightness, f64)> {
     if !keys.diameter_m().is_given() {
         keys.refuse(&["albedo", "specular"], "diameter_m", check)?;
     }
@@ -153,11 +113,7 @@ pub(super) fn check_brightness(keys: &TargetKeys, check: &mut Checker<'_>) -> Re
     Ok((brightness, bp_rp))
 }
 
-fn phase_curve(
-    given: &Given<'_, Raw<Vec<[f64; 2]>>>,
-    points: &[[f64; 2]],
-    check: &Checker<'_>,
-) -> Result<PhaseCurve, ConfigError> {
+fn phase_curve(given: &Given<'_, Raw<Vec<[f64; 2]>>>, points: &[[f64; 2]], check: &Checker<'_>) -> Result<PhaseCurve> {
     let is_sound = |[phase, mag]: &[f64; 2]| (0.0..=180.0).contains(phase) && (-30.0..=40.0).contains(mag);
     let ascends = points.windows(2).all(|pair| pair[0][0] < pair[1][0]);
     if points.is_empty() || points.len() > MOST_PHASE_POINTS || !ascends || !points.iter().all(is_sound) {
@@ -168,7 +124,7 @@ fn phase_curve(
 }
 
 /// Returns the text of a file of elements.
-fn text_of(file: &Given<'_, String>, path: &str, check: &Checker<'_>) -> Result<String, ConfigError> {
+fn text_of(file: &Given<'_, String>, path: &str, check: &Checker<'_>) -> Result<String> {
     let bytes = check.document.bytes_of(&file.key(), path)?;
     if bytes.len() > LARGEST_FILE {
         let (got, wanted) = (format!("{} bytes", bytes.len()), format!("at most {LARGEST_FILE} bytes"));
@@ -183,7 +139,7 @@ fn text_of(file: &Given<'_, String>, path: &str, check: &Checker<'_>) -> Result<
 }
 
 impl TargetKeys {
-    fn tle(&self, check: &mut Checker<'_>) -> Result<OrbitSettings, ConfigError> {
+    fn tle(&self, check: &mut Checker<'_>) -> Result<OrbitSettings> {
         let text = match (self.line1().raw(), self.line2().raw(), self.file().raw()) {
             (Some(line1), Some(line2), None) => {
                 self.refuse(&["norad_id"], "a file", check)?;
@@ -195,18 +151,18 @@ impl TargetKeys {
         self.mean(text, check)
     }
 
-    fn omm(&self, check: &mut Checker<'_>) -> Result<OrbitSettings, ConfigError> {
+    fn omm(&self, check: &mut Checker<'_>) -> Result<OrbitSettings> {
         let path = self.file().raw().ok_or_else(|| self.file().missing("a file in JSON, KVN, XML or CSV", check))?;
         let text = text_of(&self.file(), path, check)?;
         self.mean(text, check)
     }
 
-    fn mean(&self, text: String, check: &mut Checker<'_>) -> Result<OrbitSettings, ConfigError> {
+    fn mean(&self, text: String, check: &mut Checker<'_>) -> Result<OrbitSettings> {
         let norad_id = self.norad_id().optional(check)?;
         Ok(OrbitSettings::Mean { text, norad_id, max_age_days: self.max_age_days().check(check)? })
     }
 
-    fn epoch(&self, check: &Checker<'_>) -> Result<Tai, ConfigError> {
+    fn epoch(&self, check: &Checker<'_>) -> Result<Tai> {
         let wanted = "an instant such as \"2026-03-01T12:00:00Z\"";
         let given = self.epoch_utc();
         let text = given.raw().ok_or_else(|| given.missing(wanted, check))?;
@@ -214,7 +170,7 @@ impl TargetKeys {
             .map_err(|error| check.invalid(&given.key(), format!("\"{text}\""), wanted, &error.to_string()))
     }
 
-    fn two_body(&self, check: &mut Checker<'_>) -> Result<OrbitSettings, ConfigError> {
+    fn two_body(&self, check: &mut Checker<'_>) -> Result<OrbitSettings> {
         let epoch = self.epoch(check)?;
         taken!(check, self => semi_major_axis_km, eccentricity);
         let inclination_rad = self.inclination_deg().or(0.0).check(check)? * DEG;
@@ -227,10 +183,11 @@ impl TargetKeys {
             argument_of_periapsis_rad: argument_of_perigee_deg * DEG,
             mean_anomaly_rad: mean_anomaly_deg * DEG,
         };
-        Ok(OrbitSettings::TwoBody { epoch, elements })
+        let start = OrbitStart::Elements(elements);
+        Ok(OrbitSettings::TwoBody { about: CentralBody::Earth, epoch: Some(epoch), start })
     }
 
-    fn state_vector(&self, check: &Checker<'_>) -> Result<OrbitSettings, ConfigError> {
+    fn state_vector(&self, check: &Checker<'_>) -> Result<OrbitSettings> {
         let epoch = self.epoch(check)?;
         let triple = |given: Given<'_, [f64; 3]>, most: f64| {
             let wanted = format!("three numbers, each within {most} of 0");
@@ -241,10 +198,11 @@ impl TargetKeys {
             }
         };
         let position_km = triple(self.position_km(), 1e7)?;
-        Ok(OrbitSettings::StateVector { epoch, position_km, velocity_km_s: triple(self.velocity_km_s(), 100.0)? })
+        let start = OrbitStart::State { position_km, velocity_km_s: triple(self.velocity_km_s(), 100.0)? };
+        Ok(OrbitSettings::TwoBody { about: CentralBody::Earth, epoch: Some(epoch), start })
     }
 
-    fn circular(&self, check: &mut Checker<'_>) -> Result<OrbitSettings, ConfigError> {
+    fn circular(&self, check: &mut Checker<'_>) -> Result<OrbitSettings> {
         let altitude_km = self.altitude_km().check(check)?;
         let inclination_deg = self.inclination_deg().or(97.6).check(check)?;
         taken!(check, self => raan_deg, argument_of_latitude_deg);

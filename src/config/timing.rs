@@ -1,7 +1,7 @@
 //! `[timing]`: frames, duration, the simulated start.
 
 use crate::key::{Given, Section, section, taken};
-use crate::{check::Checker, error::ConfigError, key_type::Word};
+use crate::{check::Checker, error::Result, key_type::Word};
 use base::time::{Span, Tai};
 use plan::exposure::Degradation;
 
@@ -107,11 +107,7 @@ pub(super) const PHASE_MAX_MS: f64 = 60_000.0;
 
 impl Timing {
     /// Checks the keys. `exposure_s` is the camera's; `None` where a frame is one refresh of a calibrated display.
-    pub(super) fn check(
-        keys: &TimingKeys,
-        exposure_s: Option<f64>,
-        check: &mut Checker<'_>,
-    ) -> Result<Self, ConfigError> {
+    pub(super) fn check(keys: &TimingKeys, exposure_s: Option<f64>, check: &mut Checker<'_>) -> Result<Self> {
         let frame_rate_hz = check_frame_rate(keys.frame_rate_hz(), exposure_s, check)?;
         taken!(check, keys => duration_s, deadline_policy, degrade, degrade_to);
         if exposure_s.is_none() {
@@ -134,11 +130,7 @@ impl Timing {
 }
 
 /// Reads a frame rate; refuses one at which an exposure would not end before the next begins.
-pub(super) fn check_frame_rate(
-    given: Given<'_, f64>,
-    exposure_s: Option<f64>,
-    check: &mut Checker<'_>,
-) -> Result<f64, ConfigError> {
+pub(super) fn check_frame_rate(given: Given<'_, f64>, exposure_s: Option<f64>, check: &mut Checker<'_>) -> Result<f64> {
     let key = given.key();
     let frame_rate_hz = given.check(check)?;
     let longer = exposure_s.filter(|exposure_s| exposure_s * frame_rate_hz > 1.0 + f64::EPSILON);
@@ -148,7 +140,7 @@ pub(super) fn check_frame_rate(
     Err(check.invalid(&key, frame_rate_hz, wanted, advice))
 }
 
-fn start(keys: &TimingKeys, check: &mut Checker<'_>) -> Result<StartTime, ConfigError> {
+fn start(keys: &TimingKeys, check: &mut Checker<'_>) -> Result<StartTime> {
     let text = keys.start_utc().check(check)?;
     if text.trim() == "now" {
         return Ok(StartTime::Now);

@@ -5,9 +5,8 @@
 
 use crate::key::{Section, listed, section, taken};
 use crate::key_type::{Any, Numbers, Raw, Whole, Word};
-use crate::link::{address, named_address};
-use crate::link_keys::{Address, port_or_address};
-use crate::{bench::Bench, check::Checker, error::ConfigError, head::HEADS_MAX};
+use crate::link::{Address, address, named_address, port_or_address};
+use crate::{bench::Bench, camera::HEADS_MAX, check::Checker, error::Result};
 use base::time::Span;
 use base::units::{ARCSEC, DEG};
 use glam::DVec3;
@@ -81,16 +80,20 @@ pub enum TrackerProtocol {
     },
 }
 
+/// Every protocol by its word in files and messages, with the values that its own keys have when they are left out.
+const PROTOCOLS: [(&str, TrackerProtocol); 5] = [
+    ("json", TrackerProtocol::Json),
+    ("nos3", TrackerProtocol::Nos3),
+    ("sagitta", TrackerProtocol::Sagitta),
+    ("canopen", TrackerProtocol::CanOpen { node: 96, heartbeat_ms: 1000, starts_operational: false }),
+    ("ccsds", TrackerProtocol::Ccsds { apid: 100 }),
+];
+
 impl TrackerProtocol {
     /// Its word in files and messages.
     pub fn name(&self) -> &'static str {
-        match self {
-            Self::Json => "json",
-            Self::Nos3 => "nos3",
-            Self::Sagitta => "sagitta",
-            Self::CanOpen { .. } => "canopen",
-            Self::Ccsds { .. } => "ccsds",
-        }
+        let is_same = |known: &TrackerProtocol| core::mem::discriminant(known) == core::mem::discriminant(self);
+        PROTOCOLS.iter().find(|(_, known)| is_same(known)).map_or("", |(name, _)| name)
     }
 }
 
@@ -152,15 +155,7 @@ pub enum TrackerLine {
 impl TrackerLine {
     /// Returns true when only this program is at the other end: it may be on the virtual clock.
     pub fn has_virtual_time(&self) -> bool {
-        match self {
-            Self::Udp { .. } | Self::Bus | Self::File { .. } => true,
-            Self::Tcp { .. }
-            | Self::Serial { .. }
-            | Self::Pty { .. }
-            | Self::SocketCan { .. }
-            | Self::SlcanPty { .. }
-            | Self::SlcanTcp { .. } => false,
-        }
+        matches!(self, Self::Udp { .. } | Self::Bus | Self::File { .. })
     }
 }
 
@@ -178,37 +173,23 @@ pub struct TrackerOutFault {
     pub lasts: Span,
     /// Share of the packets that it hits.
     pub share: f64,
-    /// Error about the sensor axes, rad.
-    pub bias_rad: DVec3,
-    /// By how much packets are late.
-    pub late: Span,
 }
 
 /// Kinds of faults of telemetry.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum TrackerOutFaultKind {
     /// Packets are lost.
     Drop,
     /// One bit of a packet is wrong.
     Corrupt,
-    /// The attitude and its time stay as they were.
+    /// The report is the last one before.
     Freeze,
     /// The attitude is not known.
     Invalid,
-    /// The attitude is off.
-    Bias,
-    /// Packets are late.
-    Late,
-}
-
-/// `protocol` before the keys that belong to it are read.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum ProtocolWord {
-    Json,
-    Nos3,
-    Sagitta,
-    CanOpen,
-    Ccsds,
+    /// The attitude is turned by this rotation vector, sensor axes, rad.
+    Bias(DVec3),
+    /// Packets are late by so much.
+    Late(Span),
 }
 
 /// `link` before the keys that belong to it are read.
@@ -239,10 +220,7 @@ section! {
         /// Where attitudes come from: the built-in tracker on drawn pixels, or the truth with the errors of [tracker_out.model].
         source: Word<bool> = "pixels", [("pixels", true), ("model", false)];
         /// Protocol: json; nos3 and sagitta over a line of bytes; canopen; ccsds is space packets with PUS services.
-        protocol: Word<ProtocolWord> = "json", [
-            ("json", ProtocolWord::Json), ("nos3", ProtocolWord::Nos3), ("sagitta", ProtocolWord::Sagitta),
-            ("canopen", ProtocolWord::CanOpen), ("ccsds", ProtocolWord::Ccsds),
-        ];
+        protocol: Word<TrackerProtocol> = "json", PROTOCOLS;
         /// Over what: bus is the run's simulated CAN bus, file writes down each packet with its instant.
         link: Word<LineWord> = Needed, [
             ("udp", LineWord::Udp), ("tcp", LineWord::Tcp), ("serial", LineWord::Serial), ("pty", LineWord::Pty),
@@ -338,7 +316,7 @@ section! {
         kind: Word<TrackerOutFaultKind> = Needed, [
             ("drop", TrackerOutFaultKind::Drop), ("corrupt", TrackerOutFaultKind::Corrupt),
             ("freeze", TrackerOutFaultKind::Freeze), ("invalid", TrackerOutFaultKind::Invalid),
-            ("bias", TrackerOutFaultKind::Bias), ("late", TrackerOutFaultKind::Late),
+            ("bias", TrackerOutFaultKind::Bias(DVec3::ZERO)), ("late", TrackerOutFaultKind::Late(Span::ZERO)),
         ];
         /// Seconds after the first exposure at which it begins.
         at_s: f64 = Needed, Within(0.0, 1e7);
@@ -358,7 +336,7 @@ pub(super) fn check_tracker_outs(
     keys: &[TrackerOutKeys],
     bench: &Bench,
     check: &mut Checker<'_>,
-) -> Result<Vec<TrackerOut>, ConfigError> {
+) -> Result<Vec<TrackerOut>> {
     if keys.len() > OUTS_MAX {
         return Err(check.invalid("tracker_out", keys.len(), format!("at most {OUTS_MAX}"), "leave some out"));
     }
@@ -366,14 +344,14 @@ pub(super) fn check_tracker_outs(
 }
 
 impl TrackerOutKeys {
-    fn tracker_out(&self, bench: &Bench, check: &mut Checker<'_>) -> Result<TrackerOut, ConfigError> {
+    fn tracker_out(&self, bench: &Bench, check: &mut Checker<'_>) -> Result<TrackerOut> {
         taken!(check, self => head, source, protocol, link);
         if head >= bench.head_count() {
             let wanted = format!("a head of the bench: below {}", bench.head_count());
             return Err(self.head().invalid(head, wanted, check));
         }
-        let is_can = protocol == ProtocolWord::CanOpen;
-        let is_stream = matches!(protocol, ProtocolWord::Nos3 | ProtocolWord::Sagitta);
+        let is_can = matches!(protocol, TrackerProtocol::CanOpen { .. });
+        let is_stream = matches!(protocol, TrackerProtocol::Nos3 | TrackerProtocol::Sagitta);
         if is_can != link.is_can() && link != LineWord::File {
             let wanted =
                 if is_can { "socketcan, slcan_pty, slcan_tcp, bus or file" } else { "a line of bytes or file" };
@@ -400,7 +378,7 @@ impl TrackerOutKeys {
         if is_stream {
             self.refuse(&["quaternion"], "protocols that leave it open: json, canopen and ccsds", check)?;
         }
-        if protocol == ProtocolWord::Nos3 {
+        if protocol == TrackerProtocol::Nos3 {
             self.refuse(&["rate_hz"], "protocols that speak unasked", check)?;
         }
         let is_conjugate = !is_stream && self.quaternion().check(check)?;
@@ -417,31 +395,26 @@ impl TrackerOutKeys {
         })
     }
 
-    fn checked_protocol(
-        &self,
-        protocol: ProtocolWord,
-        check: &mut Checker<'_>,
-    ) -> Result<TrackerProtocol, ConfigError> {
-        if protocol != ProtocolWord::CanOpen {
+    /// Returns the protocol with the keys that belong to it.
+    fn checked_protocol(&self, protocol: TrackerProtocol, check: &mut Checker<'_>) -> Result<TrackerProtocol> {
+        if !matches!(protocol, TrackerProtocol::CanOpen { .. }) {
             self.refuse(&["node_id", "heartbeat_ms", "starts_operational"], "protocol = \"canopen\"", check)?;
         }
-        if protocol != ProtocolWord::Ccsds {
+        if !matches!(protocol, TrackerProtocol::Ccsds { .. }) {
             self.refuse(&["apid"], "protocol = \"ccsds\"", check)?;
         }
         Ok(match protocol {
-            ProtocolWord::Json => TrackerProtocol::Json,
-            ProtocolWord::Nos3 => TrackerProtocol::Nos3,
-            ProtocolWord::Sagitta => TrackerProtocol::Sagitta,
-            ProtocolWord::CanOpen => TrackerProtocol::CanOpen {
+            TrackerProtocol::Json | TrackerProtocol::Nos3 | TrackerProtocol::Sagitta => protocol,
+            TrackerProtocol::CanOpen { .. } => TrackerProtocol::CanOpen {
                 node: self.node_id().check(check)?,
                 heartbeat_ms: self.heartbeat_ms().check(check)?,
                 starts_operational: self.starts_operational().check(check)?,
             },
-            ProtocolWord::Ccsds => TrackerProtocol::Ccsds { apid: self.apid().check(check)? },
+            TrackerProtocol::Ccsds { .. } => TrackerProtocol::Ccsds { apid: self.apid().check(check)? },
         })
     }
 
-    fn line(&self, link: LineWord, check: &mut Checker<'_>) -> Result<TrackerLine, ConfigError> {
+    fn line(&self, link: LineWord, check: &mut Checker<'_>) -> Result<TrackerLine> {
         let not_of = |is: bool, names: &[&str], owner: &str, check: &Checker<'_>| {
             if is { Ok(()) } else { self.refuse(names, owner, check) }
         };
@@ -485,7 +458,7 @@ impl TrackerOutKeys {
     }
 
     /// Returns the path of a file below the run's folder which is none of the run's own files.
-    fn file(&self, path: PathBuf, check: &Checker<'_>) -> Result<PathBuf, ConfigError> {
+    fn file(&self, path: PathBuf, check: &Checker<'_>) -> Result<PathBuf> {
         let names: Vec<Component<'_>> = path.components().filter(|part| *part != Component::CurDir).collect();
         let is_below = !names.is_empty() && names.iter().all(|part| matches!(part, Component::Normal(_)));
         let ending = path.extension().and_then(OsStr::to_str).unwrap_or_default();
@@ -499,7 +472,7 @@ impl TrackerOutKeys {
     }
 
     /// Returns the figures of the model; its periods are those of the head's camera.
-    fn figures(&self, head: usize, bench: &Bench, check: &mut Checker<'_>) -> Result<ModelParams, ConfigError> {
+    fn figures(&self, head: usize, bench: &Bench, check: &mut Checker<'_>) -> Result<ModelParams> {
         let keys = self.model.clone().unwrap_or_default().at(&format!("{}.model", self.table()));
         taken!(check, keys => bias_arcsec, drift_arcsec_per_h, fov_spatial_arcsec, pixel_spatial_arcsec, noise_arcsec);
         taken!(check, keys => aberration_residual_arcsec, noise_over_sky, stars, noise_arcsec_per_deg_s, date_error_ms, acquisition_s);
@@ -538,29 +511,28 @@ impl TrackerOutKeys {
         })
     }
 
-    fn faults(&self, check: &mut Checker<'_>) -> Result<Vec<TrackerOutFault>, ConfigError> {
+    fn faults(&self, check: &mut Checker<'_>) -> Result<Vec<TrackerOutFault>> {
         let place = format!("{}.fault", self.table());
         let read = |keys: FaultKeys| {
-            let kind = keys.kind().check(check)?;
-            let bias = keys.bias_arcsec().optional(check)?;
+            let mut kind = keys.kind().check(check)?;
+            let bias_arcsec = keys.bias_arcsec().optional(check)?;
             let late_ms = keys.late_ms().optional(check)?;
-            if kind != TrackerOutFaultKind::Bias {
+            if let TrackerOutFaultKind::Bias(turn_rad) = &mut kind {
+                let wanted = || keys.bias_arcsec().missing("arcseconds about x, y and z", check);
+                *turn_rad = DVec3::from_array(bias_arcsec.ok_or_else(wanted)?) * ARCSEC;
+            } else {
                 keys.refuse(&["bias_arcsec"], "kind = \"bias\"", check)?;
-            } else if bias.is_none() {
-                return Err(keys.bias_arcsec().missing("arcseconds about x, y and z", check));
             }
-            if kind != TrackerOutFaultKind::Late {
+            if let TrackerOutFaultKind::Late(late) = &mut kind {
+                *late = Span::from_s(late_ms.ok_or_else(|| keys.late_ms().missing("milliseconds", check))? * 1e-3);
+            } else {
                 keys.refuse(&["late_ms"], "kind = \"late\"", check)?;
-            } else if late_ms.is_none() {
-                return Err(keys.late_ms().missing("milliseconds", check));
             }
             Ok(TrackerOutFault {
                 kind,
                 at: Span::from_s(keys.at_s().check(check)?),
                 lasts: Span::from_s(keys.for_s().check(check)?),
                 share: keys.share().check(check)?,
-                bias_rad: DVec3::from_array(bias.unwrap_or_default()) * ARCSEC,
-                late: Span::from_s(late_ms.unwrap_or(0.0) * 1e-3),
             })
         };
         listed(&self.fault, &place).into_iter().map(read).collect()

@@ -2,7 +2,7 @@
 
 use crate::key::{listed, section};
 use crate::key_type::{Any, Whole, Word};
-use crate::{check::Checker, error::ConfigError, head::HEADS_MAX};
+use crate::{camera::HEADS_MAX, check::Checker, error::Result};
 use frames::camera_control::ExposureMode;
 use link::gpio::{ActiveEdge, GpioLine, LineBias, LineName};
 use std::{path::PathBuf, time::Duration};
@@ -53,10 +53,7 @@ section! {
 }
 
 /// Returns the lines of a bench. Whether the heads that they name are there shows when the run is put together.
-pub(super) fn check_trigger_lines(
-    keys: &[TriggerLineKeys],
-    check: &mut Checker<'_>,
-) -> Result<Vec<TriggerLine>, ConfigError> {
+pub(super) fn check_trigger_lines(keys: &[TriggerLineKeys], check: &mut Checker<'_>) -> Result<Vec<TriggerLine>> {
     let mut made: Vec<TriggerLine> = Vec::with_capacity(keys.len());
     for keys in listed(keys, "trigger_line") {
         let line = keys.trigger_line(check)?;
@@ -74,7 +71,7 @@ pub(super) fn check_trigger_lines(
 }
 
 impl TriggerLineKeys {
-    fn trigger_line(&self, check: &mut Checker<'_>) -> Result<TriggerLine, ConfigError> {
+    fn trigger_line(&self, check: &mut Checker<'_>) -> Result<TriggerLine> {
         let chip = self.chip().check(check)?;
         let name = match (self.line().optional(check)?, self.line_name().raw()) {
             (Some(offset), None) => LineName::Offset(offset),

@@ -12,7 +12,7 @@ use crate::values::{HeadOutputs, Inputs};
 use crate::variables::reference;
 use base::input_file::{DATA_BYTES, read_text};
 use base::{refused::Refused, time::Span};
-use config::{Action, Camera, Carrier, Document, Event, GatewayPorts, PackedDocuments, Plant, Scenario, SessionStart};
+use config::{Action, Camera, Carrier, Document, Event, GatewayParams, PackedDocuments, Plant, Scenario, SessionStart};
 use run::wiring::assemble::{Outputs, Run, RunOptions};
 use run::{runtime::EventKind, wiring::stepped::SteppedRun};
 use std::path::{Path, PathBuf};
@@ -65,7 +65,7 @@ impl Slave {
         if (0..heads).all(|head| is_known_lens(&scenario.bench.of_head(head).camera)) {
             scenario.trackers.get_or_insert_default();
         }
-        scenario.bench.link.carrier = Carrier::Simulated(GatewayPorts::default());
+        scenario.bench.link.carrier = Carrier::Simulated(GatewayParams::default());
         scenario.bench.link.pps = None;
         // An external flight computer, which would send RUN, does not exist here.
         scenario.bench.session.start = SessionStart::AtOnce;

@@ -8,7 +8,7 @@ use frames::sink::TruthStar;
 use image::detector::{DetectorConditions, Seeds};
 use plan::attitude::LosPath;
 use plan::exposure::{MethodChoice, Motion, Planner};
-use run::{runtime::Imager, runtime::imager::BackendChoice, wiring::camera_parts::camera_params};
+use run::{runtime::Imager, wiring::camera_parts::camera_params};
 use scene::{SceneParams, field_light::illumination_map, truth::fill_truth};
 use sky::almanac::Almanac;
 use stars::Sky;
@@ -42,7 +42,7 @@ pub fn draw(
     let at = when.time();
     let size = params.output().size_px;
     let seeds = Seeds { sensor: seed, noise: seed };
-    let mut imager = Imager::of_detector(BackendChoice::Cpu, params.make_detector(seeds)?)?;
+    let mut imager = Imager::of_detector(config::Backend::Cpu, params.make_detector(seeds)?)?;
     if let Some(map) = illumination_map(&params) {
         imager.set_illumination_map(map)?;
     }

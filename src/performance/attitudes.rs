@@ -8,7 +8,7 @@ use base::axes::{Icrf, Sensor, attitude_of_uniforms, sensor_from_ra_dec_roll};
 use base::time::{Span, Tai};
 use config::{Scenario, StartTime};
 use glam::{DQuat, DVec3};
-use run::wiring::{bench_parts::run_params, seeded::uniforms};
+use run::wiring::{bench_parts::run_params, vehicle_parts::uniforms};
 use serde::Deserialize;
 use sky::bodies::EARTH_RADIUS_KM;
 use sky::observer::{Observer, ObserverTrack};

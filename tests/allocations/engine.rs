@@ -72,7 +72,7 @@ fn complaints_of(mut bench: Bench) -> Vec<String> {
         assert!(!frame.truth.is_empty(), "frame {number} has stars");
     }
     assert_eq!(watched, NEWEST_MAX.min(params.frames as usize), "events are reported");
-    let fired = receiver.session().triggers().counts().fired;
+    let fired = receiver.session.triggers().counts().fired;
     assert!(fired > u64::from(params.frames), "{fired} triggers, at once and ahead");
     wrong
 }

@@ -3,8 +3,9 @@
 use crate::bench::{built_in, over, run, run_changed};
 use base::axes::{Icrf, Rotation, Sensor};
 use base::{time::Span, units::ARCSEC};
-use config::{JitterSource, Wire};
+use config::JitterSource;
 use firmware_protocol::can::IdMap;
+use link::WireFormat;
 use run::runtime::EventKind;
 
 /// Tolerance: f32 quaternion on the wire 0.019 arcsec, interpolation of a 2 degree slew at 100 Hz < 0.001, time tag
@@ -18,8 +19,8 @@ fn the_attitude_rendered_is_the_attitude_sent() {
         bench.link.ids = IdMap::extended(0x18FF_0000, 5).unwrap();
         bench
     };
-    let benches = [Wire::CanFd, Wire::CanClassic, Wire::Serial].map(|wire| over(wire, 4.0));
-    for bench in benches.into_iter().chain([Wire::CanFd, Wire::CanClassic].map(long)) {
+    let benches = [WireFormat::CanFd, WireFormat::CanClassic, WireFormat::Serial].map(|wire| over(wire, 4.0));
+    for bench in benches.into_iter().chain([WireFormat::CanFd, WireFormat::CanClassic].map(long)) {
         let (wire, run) = (bench.link.wire, run(&bench));
         assert!(run.outcome.error.is_none(), "{wire:?}: {:?}", run.outcome.error.map(|e| e.to_string()));
         assert_eq!(run.frames.len(), 40, "{wire:?}");
@@ -42,7 +43,7 @@ fn the_attitude_rendered_is_the_attitude_sent() {
 
 #[test]
 fn frames_drawn_ahead_show_where_the_sensor_will_point() {
-    let mut bench = over(Wire::CanFd, 6.0);
+    let mut bench = over(WireFormat::CanFd, 6.0);
     let now = run(&bench);
     bench.timing.ahead_ms = 120.0;
     let ahead = run(&bench);
@@ -89,13 +90,13 @@ fn a_run_repeats_bit_for_bit_and_follows_its_seed() {
 
 #[test]
 fn jitter_sent_as_samples_is_drawn_like_jitter_known_as_lines() {
-    let mut bench = over(Wire::CanFd, 3.0);
+    let mut bench = over(WireFormat::CanFd, 3.0);
     bench.flight_computer.jitter_source = JitterSource::Samples;
     let sampled = run(&bench);
     assert!(sampled.outcome.error.is_none());
     // A burst of 14 samples at 1 kHz is complete up to 14 ms after its first one, so the end of an exposure is held.
-    let lines = run(&over(Wire::CanFd, 3.0));
-    let mut still = over(Wire::CanFd, 3.0);
+    let lines = run(&over(WireFormat::CanFd, 3.0));
+    let mut still = over(WireFormat::CanFd, 3.0);
     still.flight_computer.jitter_lines.clear();
     let still = run(&still);
     let off = |a: &[crate::bench::Kept], b: &[crate::bench::Kept]| -> f64 {

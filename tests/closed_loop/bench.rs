@@ -2,13 +2,13 @@
 
 use base::clock::{Clock, Virtual};
 use base::time::Tai;
-use config::{Bench, StartTime, Wire};
+use config::{Bench, StartTime};
 use frames::report::{FrameEnd, RunLimits};
 use frames::sink::{FrameMeta, SentFrame, Sink, SinkError, SinkSummary};
-use link::{Port, simulated::simulated_pair};
+use link::{Port, WireFormat, simulated::simulated_pair};
 use run::runtime::virtual_time::{VirtualLoop, World};
 use run::runtime::{FrameEngine, Head, PortReading, RunOutcome, RunRecord, error::FarEndError};
-use run::runtime::{real_parts::Setting, real_time};
+use run::{runtime::real_head::Setting, runtime::real_time};
 use run::{runtime::receiver::Receiver, wiring::bench_parts};
 use std::sync::{Arc, Mutex};
 use testbed::flight_computer::{FlightComputer, FlightComputerParams};
@@ -64,10 +64,10 @@ pub(crate) fn built_in(seconds: f64) -> Bench {
 }
 
 /// Returns the same bench over another wire, at a rate that carries it.
-pub(crate) fn over(wire: Wire, seconds: f64) -> Bench {
+pub(crate) fn over(wire: WireFormat, seconds: f64) -> Bench {
     let mut bench = built_in(seconds);
     bench.link.wire = wire;
-    bench.link.bit_rate = if wire == Wire::Serial { 921_600.0 } else { 500_000.0 };
+    bench.link.bit_rate = if wire == WireFormat::Serial { 921_600.0 } else { 500_000.0 };
     bench
 }
 

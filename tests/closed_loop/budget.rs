@@ -12,7 +12,7 @@ use frames::sink::{NullSink, SentFrame};
 use link::{Port, simulated::simulated_pair};
 use plan::attitude::MotionScale;
 use run::runtime::virtual_time::{VirtualLoop, World};
-use run::runtime::{EventKind, FrameEngine, Head, Ledger, real_parts, real_time};
+use run::runtime::{EventKind, FrameEngine, Head, Ledger, real_head, real_time};
 use run::{runtime::receiver::Receiver, wiring::bench_parts};
 use std::process::{Command, Output};
 use std::{path::Path, sync::Arc, sync::atomic::AtomicBool};
@@ -110,7 +110,7 @@ fn bounds(bench: &Bench, motion: Option<MotionScale>) -> Vec<Option<f64>> {
         let (port, receiver) = (&mut near, &mut receiver);
         let mut world = World { port, receiver, far_end: &mut far_end, progress: &mut |_, _, _| true };
         going.advance_to(slot.release, &mut heads, &mut world).unwrap();
-        bounds.push(heads[0].engine.pointing_bound_rad());
+        bounds.push(heads[0].engine.pointing_bound_rad);
     }
     bounds
 }
@@ -145,7 +145,7 @@ fn alone(bench: &Bench, ring_frames: usize) -> (Vec<FrameRecord>, run::runtime::
     let clock: Arc<dyn Clock> = Arc::new(Monotonic::start_at(start));
     let [near, _far] = ports(bench, &clock);
     let stop = Arc::new(AtomicBool::new(false));
-    let setting = real_parts::Setting {
+    let setting = real_head::Setting {
         clock: &clock,
         stop: &stop,
         hygiene: None,

@@ -7,7 +7,7 @@ use base::drawn::PathOrigin;
 use base::time::{Span, Tai};
 use batch::campaign::{episode_scenario, run_episode};
 use config::{Action, Event};
-use frames::sink::{FrameFault, FrameMeta, NullSink};
+use frames::sink::{FrameFault, FrameMeta, NullSink, SendingFault};
 use link::tap::LinkFault;
 use run::wiring::{stepped::SteppedRun, witness::Witness};
 use testbed::vehicle::VehicleFault;
@@ -62,7 +62,7 @@ fn wrong_frame_without_a_report_is_a_violation() {
     let violations = |meta: &FrameMeta, rate_rad_s: f64| {
         let mut witness = Witness::new(&scenario, scenario.bench.mountings(), zero, zero + Span::from_s(60.0));
         witness.take_frame(0, meta, Some((truth, rate_rad_s)));
-        witness.assessment().violations().0
+        witness.assessment.violations().0
     };
     assert_eq!(violations(&meta(&Rotation::IDENTITY, PathOrigin::Interpolated), 0.0), 0, "the control itself");
     assert_eq!(violations(&meta(&off, PathOrigin::Interpolated), 0.0), 1, "one arcsecond off");
@@ -97,7 +97,7 @@ fn loop_without_recovery_is_a_violation() {
     };
     let jump = glam::DVec3::new(0.0, 2e-5, 0.0);
     scenario.events = vec![
-        event(100.0, 5.0, Action::Frame { head: None, fault: FrameFault::Drop }),
+        event(100.0, 5.0, Action::Frame { head: None, fault: FrameFault::Sending(SendingFault::Drop) }),
         event(110.0, 0.0, Action::Aboard(VehicleFault::GyroBiasJump(jump))),
     ];
     let control = {
@@ -145,7 +145,7 @@ fn a_commanded_safe_mode_stays_until_it_is_left_by_command() {
     let (_, mode) = flown(120.0, vec![event(40.0, 0.0, Action::Safe)]);
     assert_eq!(mode, Mode::Safe, "no RESUME was sent");
     let (outcome, mode) = flown(300.0, vec![event(40.0, 0.0, Action::Safe), event(45.0, 0.0, Action::Resume)]);
-    assert_ne!(mode, Mode::Safe, "{:?}", outcome.assessment.mode_lines());
+    assert_ne!(mode, Mode::Safe, "{:?}", outcome.assessment.mode_lines);
 }
 
 #[test]

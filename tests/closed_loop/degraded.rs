@@ -2,10 +2,11 @@
 
 use crate::bench::{Kept, built_in, over, run, start};
 use base::time::Span;
-use config::{Bench, Degrade, Psf, Wire};
+use config::{Bench, Degrade, Psf};
 use frames::sink::fits::read_image;
 use frames::sink::frame_log::{path_in, read_frame_log};
 use frames::sink::{Recorder, RecorderOptions, SentFrame, Sink};
+use link::WireFormat;
 use plan::exposure::Degradation;
 use run::runtime::{EventKind, FrameEngine};
 use run::{runtime::receiver::Receiver, wiring::bench_parts};
@@ -22,7 +23,7 @@ const LEAST_STARS: usize = 32;
 
 /// Returns a bench with all stars of the catalog, and hardly time for any.
 fn without_time(readout_s: f64, degrade: Degrade) -> Bench {
-    let mut bench = over(Wire::CanFd, 1.0);
+    let mut bench = over(WireFormat::CanFd, 1.0);
     bench.camera.radiometry.limiting_mag = Some(12.0);
     bench.camera.exposure.readout_s = readout_s;
     bench.timing.degrade = degrade;
@@ -143,7 +144,7 @@ fn files_contain_the_degradation_of_the_frame() {
 #[test]
 fn light_that_is_missing_is_over_the_budget_in_every_frame() {
     let events = |sigma_px: f64| {
-        let mut bench = over(Wire::CanFd, 0.5);
+        let mut bench = over(WireFormat::CanFd, 0.5);
         bench.camera.psf = Psf::Gaussian { sigma_px };
         let run = run(&bench);
         assert!(run.outcome.error.is_none());

@@ -11,7 +11,7 @@ use firmware_protocol::{Message, can::IdMap};
 use frames::{report::RunLimits, sink::NullSink};
 use link::simulated::{BusParams, BusTiming, SimulatedBus};
 use link::{Port, WireFormat};
-use run::runtime::real_parts::{Setting, Sources};
+use run::runtime::real_head::{Setting, Sources};
 use run::runtime::{FrameEngine, Head, RunParams, real_time};
 use run::{runtime::receiver::Receiver, wiring::bench_parts};
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -12,7 +12,7 @@ use frames::report::{Fate, MissCause, RunLimits};
 use frames::sink::{NullSink, Sink};
 use glam::DQuat;
 use link::{Port, simulated::simulated_pair};
-use run::runtime::real_parts::Setting;
+use run::runtime::real_head::Setting;
 use run::runtime::{EventKind, FrameEngine, Head, real_time};
 use run::{runtime::receiver::Receiver, wiring::bench_parts};
 use std::sync::{Arc, Mutex};

@@ -4,7 +4,8 @@ use crate::pixels::{fly_real, scenario};
 use base::time::Span;
 use config::{Action, Event, Scenario};
 use frames::sink::{
-    FaultFlags, FaultPixels, FrameFault, FrameMeta, SentFrame, Sink, SinkError, SinkSummary, TruthKind, TruthStar,
+    FaultFlags, FaultPixels, FrameFault, FrameMeta, ImageFault, SendingFault, SentFrame, Sink, SinkError, SinkSummary,
+    TruthKind, TruthStar,
 };
 use run::{runtime::EventKind, wiring::run_end::RunEnd, wiring::stepped::SteppedRun};
 use std::sync::{Arc, Mutex};
@@ -165,7 +166,7 @@ fn event(at_s: f64, for_s: f64, fault: FrameFault) -> Event {
 fn fault_waiting_for_a_trigger_does_not_start_without_it() {
     let mut scenario = scenario("imaging_faults");
     scenario.bench.timing.duration_s = 20.0;
-    scenario.events = vec![Event { on_trigger: Some(4), ..event(1.0, 3.0, FrameFault::Blank) }];
+    scenario.events = vec![Event { on_trigger: Some(4), ..event(1.0, 3.0, FrameFault::Image(ImageFault::Blank)) }];
     let (seen, _, outcome) = fly(&scenario);
     assert!(seen.iter().all(|seen| seen.meta.active.count() == 0));
     assert!(outcome.faults[0].from_s.is_infinite() && outcome.faults[0].hits == 0, "{:?}", outcome.faults);
@@ -176,7 +177,8 @@ fn fault_waiting_for_a_trigger_does_not_start_without_it() {
     let zero = going.times().zero;
     for at_s in [3.0, 12.0] {
         going.advance_to(zero + Span::from_s(at_s), &mut |_, _, _| true).unwrap();
-        let fire = Event { action: Action::Trigger { number: 4 }, ..event(at_s, 0.0, FrameFault::Blank) };
+        let fire =
+            Event { action: Action::Trigger { number: 4 }, ..event(at_s, 0.0, FrameFault::Image(ImageFault::Blank)) };
         going.inject(&Event { lasts: Span::ZERO, ..fire }).unwrap();
     }
     going.run_to_end(&mut |_, _, _| true).unwrap();
@@ -194,7 +196,7 @@ fn no_frame_overtakes_a_late_one() {
     let mut scenario = scenario("imaging_faults");
     scenario.bench.timing.duration_s = 10.0;
     // Frames are 0.5 s apart: the last late one comes after the next two would have gone out.
-    scenario.events = vec![event(3.0, 2.0, FrameFault::Late(Span::from_ms(1_200)))];
+    scenario.events = vec![event(3.0, 2.0, FrameFault::Sending(SendingFault::Late(Span::from_ms(1_200))))];
     let (seen, _, outcome) = fly(&scenario);
     let numbers: Vec<u32> = seen.iter().map(|seen| seen.meta.number).collect();
     assert_eq!(numbers, (0..20).collect::<Vec<_>>(), "in their order");
@@ -206,7 +208,7 @@ fn no_frame_overtakes_a_late_one() {
 fn a_pixel_beyond_the_detector_is_refused_with_its_size() {
     let mut scenario = scenario("imaging_faults");
     let pixels = FaultPixels { at: Some([256, 3]), random: 0 };
-    scenario.events = vec![event(1.0, 3.0, FrameFault::FalseStars { pixels, mag: 3.0 })];
+    scenario.events = vec![event(1.0, 3.0, FrameFault::Image(ImageFault::FalseStars { pixels, mag: 3.0 }))];
     let Err(error) = SteppedRun::new(&scenario, |_| Box::new(Keeper::default())) else { panic!("refused") };
     let error = error.to_string();
     assert!(error.contains("false_stars") && error.contains("256 x 256"), "{error}");
@@ -218,10 +220,10 @@ fn frames_are_spoilt_on_the_real_clock_too() {
     scenario.bench.timing.duration_s = 4.0;
     let pixels = FaultPixels { at: Some([7, 8]), random: 0 };
     scenario.events = vec![
-        event(0.9, 0.5, FrameFault::Drop),
-        event(1.4, 1.0, FrameFault::Saturation { full_wells: 3.0 }),
-        event(2.4, 0.5, FrameFault::Late(Span::from_ms(40))),
-        event(2.9, 0.5, FrameFault::FalseStars { pixels, mag: 2.0 }),
+        event(0.9, 0.5, FrameFault::Sending(SendingFault::Drop)),
+        event(1.4, 1.0, FrameFault::Image(ImageFault::Saturation { full_wells: 3.0 })),
+        event(2.4, 0.5, FrameFault::Sending(SendingFault::Late(Span::from_ms(40)))),
+        event(2.9, 0.5, FrameFault::Image(ImageFault::FalseStars { pixels, mag: 2.0 })),
     ];
     let keeper = Keeper::default();
     let mut sink = |_| Box::new(keeper.clone()) as Box<dyn Sink>;

@@ -6,9 +6,9 @@
 use crate::bench::{self, Flight, over, start};
 use base::time::{Span, Tai};
 use base::units::ARCSEC;
-use config::{Bench, Camera, JitterSource, Wire};
+use config::{Bench, Camera, JitterSource};
 use frames::sink::{SentFrame, Sink, SinkError, SinkSummary, TruthStar};
-use link::Port;
+use link::{Port, WireFormat};
 use run::runtime::{EventKind, RunRecord};
 use std::sync::{Arc, Mutex};
 use std::{collections::BTreeMap, path::Path};
@@ -55,7 +55,7 @@ impl Sink for Album {
 
 /// Sends the jitter with a delay after its samples' epochs.
 struct LateSender {
-    wire: Wire,
+    wire: WireFormat,
     delay: Span,
     boot: Tai,
     sent: i64,
@@ -63,7 +63,7 @@ struct LateSender {
 
 impl LateSender {
     fn samples(&self) -> i64 {
-        if self.wire == Wire::CanClassic { 2 } else { 14 }
+        if self.wire == WireFormat::CanClassic { 2 } else { 14 }
     }
 
     /// Returns when the next message is sent: when its last sample is as old as the delay.
@@ -79,7 +79,7 @@ impl LateSender {
                 [(body_rad.x / ARCSEC) as f32, (body_rad.y / ARCSEC) as f32]
             };
             let samples: Vec<[f32; 2]> = (0..self.samples()).map(sample).collect();
-            let message = if self.wire == Wire::CanClassic {
+            let message = if self.wire == WireFormat::CanClassic {
                 let slot = u8::try_from(first_ms / 2 % 256).unwrap();
                 Message::JitterPair(JitterPair { slot, samples_arcsec: [samples[0], samples[1]] })
             } else {
@@ -112,20 +112,15 @@ fn fly(bench: &Bench, delay: Option<Span>) -> Flown {
     });
     assert!(outcome.error.is_none(), "{:?}", outcome.error.map(|error| error.to_string()));
     let shots = core::mem::take(&mut *shots.lock().unwrap());
-    Flown { shots, record: outcome.record, late_samples: receiver.mounting(0).late_jitter() }
+    Flown { shots, record: outcome.record, late_samples: receiver.mounting(0).late_jitter }
 }
 
-fn bench(wire: Wire, source: JitterSource) -> Bench {
+fn bench(wire: WireFormat, source: JitterSource) -> Bench {
     let mut bench = over(wire, 2.0);
     bench.camera = Camera::load(Path::new("configs/cameras/small_tracker.toml")).unwrap();
     // Ample time: a frame waits half of it at most.
     bench.camera.exposure.readout_s = 0.1;
-    let line = config::JitterLineSettings {
-        frequency_hz: LINE.frequency_hz,
-        amplitude_arcsec: LINE.amplitude_arcsec,
-        phase_deg: LINE.phase_rad.to_degrees(),
-    };
-    bench.flight_computer.jitter_lines = vec![line];
+    bench.flight_computer.jitter_lines = vec![LINE];
     bench.flight_computer.jitter_source = source;
     bench
 }
@@ -139,7 +134,7 @@ fn error_arcsec(frame: &Shot, truth: &Shot) -> f64 {
 }
 
 /// Checks that frames without all their samples report it, and returns the largest error.
-fn checked(wire: Wire, delay_ms: i64, truth: &[Shot]) -> f64 {
+fn checked(wire: WireFormat, delay_ms: i64, truth: &[Shot]) -> f64 {
     let flown = fly(&bench(wire, JitterSource::Samples), Some(Span::from_ms(delay_ms)));
     assert_eq!(flown.shots.len(), truth.len());
     let flagged = flown.shots.iter().filter(|shot| shot.missing > Span::ZERO).count() as u64;
@@ -160,7 +155,7 @@ fn checked(wire: Wire, delay_ms: i64, truth: &[Shot]) -> f64 {
     println!("{wire:?}, {delay_ms} ms late: {worst:.3} arcsec at worst, {:.0} % flagged", 100.0 * share);
     // Pairs of classic CAN that are 20 ms late come while the frame still waits for them, all but the last.
     let (least_share, least_samples) = match (wire, delay_ms) {
-        (Wire::CanClassic, 20) => (0.5, 10),
+        (WireFormat::CanClassic, 20) => (0.5, 10),
         _ => (0.8, 100),
     };
     let late = flown.late_samples;
@@ -174,7 +169,7 @@ fn checked(wire: Wire, delay_ms: i64, truth: &[Shot]) -> f64 {
 
 #[test]
 fn frames_without_jitter_samples_report_it_and_others_do_not() {
-    for wire in [Wire::CanFd, Wire::CanClassic] {
+    for wire in [WireFormat::CanFd, WireFormat::CanClassic] {
         let truth = fly(&bench(wire, JitterSource::Lines), None);
         assert_eq!(truth.record.ledger.count(EventKind::JitterMissing), 0, "no stream of samples, nothing missing");
         let errors = [0, 20, 60, 200].map(|delay_ms| checked(wire, delay_ms, &truth.shots));
@@ -187,10 +182,10 @@ fn frames_without_jitter_samples_report_it_and_others_do_not() {
 /// samples.
 #[test]
 fn frames_wait_for_samples_that_are_under_way() {
-    let mut impatient = bench(Wire::CanFd, JitterSource::Samples);
+    let mut impatient = bench(WireFormat::CanFd, JitterSource::Samples);
     impatient.attitude.jitter_wait = Span::ZERO;
     let flown = fly(&impatient, Some(Span::ZERO));
     assert!(flown.record.frames.jitter_missing > 15, "{:?}", flown.record.frames);
-    let patient = fly(&bench(Wire::CanFd, JitterSource::Samples), Some(Span::ZERO));
+    let patient = fly(&bench(WireFormat::CanFd, JitterSource::Samples), Some(Span::ZERO));
     assert_eq!(patient.record.frames.jitter_missing, 0);
 }

@@ -8,9 +8,9 @@ use config::{Document, Scenario};
 use frames::sink::{NullSink, Sink};
 use link::{capture::CaptureFormat, serial::PseudoTerminal};
 use run::wiring::assemble::{Outputs, Run, RunOptions};
-use run::wiring::{
-    capture_tap::CaptureOptions, control::NewestFrames, live_tap::LiveOptions, run_clock::RunClockKind,
-    run_end::RunEnd, steering::Steering,
+use run::wiring::taps::{CaptureOptions, LiveOptions};
+use run::{
+    wiring::control::NewestFrames, wiring::run_clock::RunClockKind, wiring::run_end::RunEnd, wiring::steering::Steering,
 };
 use std::io::{Read, Write};
 use std::sync::atomic::{AtomicBool, Ordering};

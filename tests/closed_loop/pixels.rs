@@ -98,7 +98,7 @@ fn every_scenario_holds() {
     ] {
         let (outcome, _) = fly(&scenario(name));
         complained.extend(complaints(name, &outcome));
-        let slews = outcome.assessment.mode_lines().iter().filter(|line| line.to == "slew").count();
+        let slews = outcome.assessment.mode_lines.iter().filter(|line| line.to == "slew").count();
         let wanted = usize::from(matches!(name, "slew_and_settle" | "sun_avoidance"));
         assert_eq!(slews, wanted, "{name}: a scenario that slews has slewed");
         assert!(outcome.faults.iter().all(|fault| fault.hits > 0), "{name}: {:?}", outcome.faults);

@@ -47,7 +47,7 @@ struct Flown {
 /// Returns a receiver of a run whose faults wait for these numbers.
 fn receiver(bench: &Bench, start: Tai, numbers: &[u16]) -> Receiver {
     let params = bench_parts::run_params(bench, start).unwrap();
-    let mut receiver = Receiver::new(params.attitude).unwrap().with_session(bench_parts::session_params(bench));
+    let mut receiver = Receiver::new(params.attitude).unwrap().with_session(bench.session);
     numbers.iter().for_each(|number| receiver.expect_trigger(*number));
     receiver
 }

@@ -11,7 +11,7 @@ use config::{Camera, Document};
 use image::detector::DetectorConditions;
 use plan::attitude::LosPath;
 use plan::exposure::{MethodChoice, Planner, Source, SourcePlace};
-use run::runtime::{BackendChoice, Imager};
+use run::runtime::Imager;
 use run::wiring::camera_parts::camera_params;
 use scene::{camera::CameraParams, sky_view::SkyView};
 use sky::astrometry::CameraGeometry;
@@ -188,7 +188,7 @@ fn count(name: &str, mag_g: f64) -> Counts {
     let los = LosPath::commanded(attitude, at, camera.exposure_s);
     let (mut sums, mut dark) = (Vec::new(), Vec::new());
     for seed in 0..u64::from(FRAMES) {
-        let mut imager = Imager::new(BackendChoice::Cpu, camera.detector, [width, height], seed).unwrap();
+        let mut imager = Imager::new(config::Backend::Cpu, camera.detector, [width, height], seed).unwrap();
         let budget = AccuracyBudget::default();
         let mut planner = Planner::new(camera.instrument(), budget, imager.cost(), MethodChoice::Auto, los.clone());
         let plan = planner.plan(view.in_view(&los).unwrap());

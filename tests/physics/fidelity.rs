@@ -9,7 +9,7 @@ use image::detector::{Detector, DetectorConditions, DetectorParams, LinePattern,
 use plan::attitude::LosPath;
 use plan::exposure::{Instrument, MethodChoice, Planner, PsfSampling, Shutter};
 use plan::optics::{Illumination, PsfModel};
-use run::runtime::{BackendChoice, Imager};
+use run::runtime::Imager;
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 
 /// Ten times better than published: SNR 10 %, centroid 0.01 px, background mean 5 % and sigma 10 %.
@@ -47,7 +47,7 @@ fn fidelity(drawn: (&PsfModel, DetectorParams), believed: (&PsfModel, DetectorPa
         full_well_e: drawn.1.full_well_e,
         read_noise_e_rms: drawn.1.read_noise_e_rms,
     };
-    let mut imager = Imager::new(BackendChoice::Cpu, drawn.1, [SIZE; 2], SEED).unwrap();
+    let mut imager = Imager::new(config::Backend::Cpu, drawn.1, [SIZE; 2], SEED).unwrap();
     let los = LosPath::commanded(Rotation::IDENTITY, Tai::from_ns(0), exposure_s);
     let mut planner = Planner::new(instrument, AccuracyBudget::default(), imager.cost(), MethodChoice::Auto, los);
     let field = StarField::new([SIZE; 2], ELECTRONS.to_vec(), 21);

@@ -9,7 +9,7 @@ use image::gpu::Electrons;
 use plan::attitude::LosPath;
 use plan::exposure::{Instrument, MethodChoice, Planner, PsfSampling, Shutter};
 use plan::optics::{BackgroundLight, Illumination, PsfModel, Radiometry};
-use run::runtime::{BackendChoice, Imager};
+use run::runtime::Imager;
 use scene::{camera::CameraParams, sky_view::SkyView};
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 use sky::observer::{Observer, ObserverTrack};
@@ -87,7 +87,7 @@ struct Frame {
     truth: Vec<[f64; 4]>,
 }
 
-fn draw(ra_dec_roll_deg: [f64; 3], backend: BackendChoice) -> Frame {
+fn draw(ra_dec_roll_deg: [f64; 3], backend: config::Backend) -> Frame {
     let camera = camera();
     let at = Tai::from_rfc3339(AT).unwrap();
     let [ra, dec, roll] = ra_dec_roll_deg.map(f64::to_radians);
@@ -161,7 +161,7 @@ fn misses(frame: &Frame, stars: &[Star], ra_dec_roll_deg: [f64; 3]) -> Vec<(u32,
 }
 
 fn check(name: &str, stars: &[Star], pointing: [f64; 3], at_least: usize) {
-    let frame = draw(pointing, BackendChoice::Cpu);
+    let frame = draw(pointing, config::Backend::Cpu);
     let misses = misses(&frame, stars, pointing);
     let worst = misses.iter().map(|(_, miss)| *miss).fold(0.0, f64::max);
     println!("{name}: {} stars, worst {worst:.4} px", misses.len());
@@ -187,7 +187,7 @@ fn across_the_pole() {
 /// The same comparison sees a boresight that is off by 3 arcsec, and a mirrored roll.
 #[test]
 fn a_wrong_attitude_is_seen() {
-    let frame = draw([83.8, -1.2, 25.0], BackendChoice::Cpu);
+    let frame = draw([83.8, -1.2, 25.0], config::Backend::Cpu);
     for wrong in [[83.8 + 3.0 / 3600.0, -1.2, 25.0], [83.8, -1.2, 25.01]] {
         let worst = misses(&frame, &ORION, wrong).iter().map(|(_, miss)| *miss).fold(0.0, f64::max);
         assert!(worst > PLACE_PX, "{wrong:?}: only {worst:.4} px");

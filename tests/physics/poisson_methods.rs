@@ -9,7 +9,7 @@ use image::detector::DetectorParams;
 use image::detector::PoissonMethod::{self, Auto, CornishFisher, Inversion, Ptrs, RoundedNormal};
 use image::detector::poisson::distance::{departure, distance};
 use image::detector::poisson::law::{Departure, Law};
-use run::runtime::{BackendChoice, Imager};
+use run::runtime::Imager;
 
 /// Means on both sides of every edge of a domain.
 const EDGES: [f64; 8] = [9.9, 10.0, 19.99, 20.0, 20.01, 999.0, 1000.0, 1e6];
@@ -121,8 +121,8 @@ fn frames_are_drawn_by_the_method_they_are_given() {
 fn a_method_of_the_cpu_is_drawn_there_or_refused() {
     let imager = |choice, poisson| Imager::new(choice, DetectorParams { poisson, ..shot_only() }, [64, 64], 1);
     // With a GPU or without: never drawn as `auto` without a word.
-    assert!(imager(BackendChoice::Gpu, Ptrs).is_err(), "a GPU knows auto only");
-    let left_to_us = imager(BackendChoice::Auto, Ptrs).expect("the CPU");
-    assert_eq!(left_to_us.name(), imager(BackendChoice::Cpu, Auto).expect("the CPU").name());
+    assert!(imager(config::Backend::Gpu, Ptrs).is_err(), "a GPU knows auto only");
+    let left_to_us = imager(config::Backend::Auto, Ptrs).expect("the CPU");
+    assert_eq!(left_to_us.name(), imager(config::Backend::Cpu, Auto).expect("the CPU").name());
     assert!(left_to_us.note().is_some_and(|note| note.contains("ptrs")), "{:?}", left_to_us.note());
 }

@@ -10,11 +10,11 @@
 use crate::cli::lines::Lines;
 use base::time::Span;
 use base::units::{ARCSEC, DEG};
-use config::{Bench, JitterAxes, JitterFile, JitterInput, JitterSource, Wire};
+use config::{Bench, JitterAxes, JitterFile, JitterInput, JitterSource};
 use core::f64::consts::TAU;
 use firmware_protocol::{MessageId, can::CanFrame};
 use glam::DVec3;
-use link::{CHUNK_MAX, Datagram, Packet, SerialChunk};
+use link::{CHUNK_MAX, Datagram, Packet, SerialChunk, WireFormat};
 use plan::attitude::{
     AttitudeAssessment, AttitudeMethod, AttitudeVerdict, JitterRecord, MotionScale, PredictionErrors, Reach, RecordEnd,
     Sinusoid, assess_methods, band_power_rad2, cheapest, psd_variance, smear_power_rad2,
@@ -89,7 +89,7 @@ impl Situation {
 
     /// Returns the time from the newest sample of jitter to mid-exposure.
     fn jitter_held_s(&self, bench: &Bench) -> f64 {
-        let samples = if bench.link.wire == Wire::CanClassic { 2.0 } else { f64::from(BURST_SAMPLES) };
+        let samples = if bench.link.wire == WireFormat::CanClassic { 2.0 } else { f64::from(BURST_SAMPLES) };
         (samples * jitter_sample_s(bench) + self.arrival_s - self.wait_s).max(0.0)
     }
 
@@ -108,13 +108,13 @@ impl Situation {
 /// Returns the time of one attitude record on an idle wire, no longer than this.
 fn record_on_wire(bench: &Bench) -> Span {
     let (timing, frames) =
-        (bench_parts::bus(bench).0.timing, if bench.link.wire == Wire::CanClassic { CLASSIC_GROUP } else { 1 });
+        (bench_parts::bus(bench).0.timing, if bench.link.wire == WireFormat::CanClassic { CLASSIC_GROUP } else { 1 });
     let id = bench.link.ids.id(MessageId::Attitude);
     let packet = match bench.link.wire {
-        Wire::CanClassic => CanFrame::classic(id, &[0; 8]).map(Packet::Can),
-        Wire::CanFd => CanFrame::fd(id, &[0; 64]).map(Packet::Can),
-        Wire::Serial => SerialChunk::new(&[0; CHUNK_MAX]).map(Packet::Serial),
-        Wire::Plain => Datagram::new(&[0; 64]).map(Packet::Datagram),
+        WireFormat::CanClassic => CanFrame::classic(id, &[0; 8]).map(Packet::Can),
+        WireFormat::CanFd => CanFrame::fd(id, &[0; 64]).map(Packet::Can),
+        WireFormat::Serial => SerialChunk::new(&[0; CHUNK_MAX]).map(Packet::Serial),
+        WireFormat::Plain => Datagram::new(&[0; 64]).map(Packet::Datagram),
     };
     let one = packet.and_then(|packet| timing.duration(&packet)).unwrap_or(Span::ZERO);
     Span::from_ns(one.ns().saturating_mul(frames))
@@ -123,7 +123,7 @@ fn record_on_wire(bench: &Bench) -> Span {
 /// Returns the error of the records themselves.
 fn record_error_rad(bench: &Bench, situation: &Situation) -> f64 {
     let errors = PredictionErrors {
-        rate_error_rad_s: if bench.link.wire == Wire::CanClassic { CLASSIC_RATE_ERROR_RAD_S } else { 0.0 },
+        rate_error_rad_s: if bench.link.wire == WireFormat::CanClassic { CLASSIC_RATE_ERROR_RAD_S } else { 0.0 },
         clock_error_s: TAG_S + CORRELATION_S,
         ..Default::default()
     };
@@ -194,7 +194,7 @@ fn assessment_line(assessment: &AttitudeAssessment) -> String {
 
 /// Returns the jitter by the way it travels, and what the methods would make of it if it were part of the records.
 fn write_scripted_jitter(facts: &mut Lines, bench: &Bench, situation: &Situation) {
-    let lines: Vec<Sinusoid> = bench.flight_computer.jitter_lines.iter().map(|line| sinusoid(&line.line())).collect();
+    let lines: Vec<Sinusoid> = bench.flight_computer.known_lines().map(|line| sinusoid(&line)).collect();
     if lines.is_empty() {
         return;
     }
@@ -232,7 +232,7 @@ fn write_sampled_jitter(facts: &mut Lines, bench: &Bench, situation: &Situation,
 }
 
 fn jitter_sample_s(bench: &Bench) -> f64 {
-    if bench.link.wire == Wire::CanClassic { 1e-3 } else { 1.0 / bench.flight_computer.jitter_sample_hz }
+    if bench.link.wire == WireFormat::CanClassic { 1e-3 } else { 1.0 / bench.flight_computer.jitter_sample_hz }
 }
 
 /// Samples in one burst on CAN FD and serial.
@@ -314,7 +314,7 @@ fn root(power_rad2: DVec3) -> [f64; 3] {
 mod attitude_tests {
     use super::*;
     use base::time::Tai;
-    use run::wiring::motion::script_scale;
+    use run::wiring::bench_parts::script_scale;
 
     fn report(bench: &Bench) -> String {
         report_drawn_ahead(bench, 0)

@@ -3,7 +3,7 @@
 //! `starloop check`, what the camera sees: down to which magnitude, whether the frames have those stars, and whether a
 //! frame has any.
 //!
-//! Input: parameters and stars of a run, plans of some frames. Output: text. `run::wiring::seen_mag` defines the stars that
+//! Input: parameters and stars of a run, plans of some frames. Output: text. `run::wiring::sensitivity` defines the stars that
 //! are seen: stars of the Sun's colour at SNR 3, without motion. Frames of a calibrated display are
 //! drawn in steps of its luminance, without a tracker's noise: of them only their stars are counted.
 
@@ -13,7 +13,7 @@ use config::{Bench, Camera, Plant, Radiometry};
 use core::{f64::consts::TAU, ops::RangeInclusive};
 use glam::DVec3;
 use plan::{exposure::ExposurePlan, optics::baffle::BrightBodies};
-use run::wiring::seen_mag::{SEEN_SNR, sensitivity_for_suns};
+use run::wiring::sensitivity::{SEEN_SNR, sensitivity_for_suns};
 use run::{runtime::RunParams, wiring::sensitivity::Sensitivity};
 use scene::{camera::CameraParams, field_light::FieldLight};
 use stars::{Sky, StarIndex};

@@ -13,7 +13,7 @@ use outputs::display::{DisplayError, MonitorChoice, MonitorFacts, monitors};
 use outputs::display::{calibration::report::peak_share, latency::LatencySource, monitor::choose};
 use plan::exposure::ExposurePlan;
 use run::wiring::display_parts::{CLOCKS_PPM, NO_CALIBRATION, NO_LATENCY, beat, calibrated_display, latency};
-use run::{runtime::RunParams, wiring::motion::script_scale};
+use run::{runtime::RunParams, wiring::bench_parts::script_scale};
 
 /// Writes what there is to say of the displays of a bench.
 ///

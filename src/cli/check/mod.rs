@@ -29,7 +29,7 @@ use plans::Planned;
 use run::runtime::{Imager, RunParams};
 use run::wiring::memory::{RunForm, RunMemory};
 use run::wiring::{bench_parts, tracker_outs};
-use run::wiring::{display_parts::take_display, motion::motion_scale, sinks::described_lines};
+use run::{wiring::bench_parts::motion_scale, wiring::display_parts::take_display, wiring::sinks::described_lines};
 use stars::{Sky, StarIndex};
 use std::path::PathBuf;
 use testbed::flight_computer::FlightComputer;

@@ -2,6 +2,7 @@
 
 use clap::{Args, ValueEnum};
 use config::{self, Bench};
+use frames::sink::RecorderOptions;
 use link::{capture::CaptureFormat, gateway::TcpAddress};
 use run::wiring::{control::ControlAddress, run_clock::RunClockKind};
 use std::path::PathBuf;
@@ -86,7 +87,8 @@ impl RunArgs {
             Some(SinkKind::Null) => vec![config::SinkSettings { sink: config::Sink::Null, queue_frames: 1 }],
             Some(SinkKind::Recorder) => vec![bench.sinks.iter().find(is_recorder).cloned().unwrap_or_else(|| {
                 let directory = Some(format!("out/{}", bench.name).into());
-                let sink = config::Sink::Recorder { directory, fits: true, ser: false, png_every: 10 };
+                let options = RecorderOptions { png_every: 10, ..RecorderOptions::default() };
+                let sink = config::Sink::Recorder { directory, options };
                 config::SinkSettings { sink, queue_frames: 8 }
             })],
         }

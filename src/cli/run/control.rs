@@ -76,7 +76,7 @@ pub(crate) fn control_stepped(
     stop: &AtomicBool,
     progress: &mut dyn FnMut(usize, &SentFrame, &RunRecord),
 ) -> Result<Controlled> {
-    let scenario = run.scenario().clone();
+    let scenario = run.scenario.clone();
     let mut going = SteppedRun::of(run)?;
     let Some(mut session) = listener.accept(stop) else {
         return Ok(Controlled { end: going.end(None), client: None });
@@ -118,7 +118,7 @@ pub(crate) fn control_steered(
     stop: &Arc<AtomicBool>,
     progress: &mut dyn FnMut(usize, &SentFrame, &RunRecord),
 ) -> Result<Controlled> {
-    let (scenario, over) = (run.scenario().clone(), Arc::new(AtomicBool::new(false)));
+    let (scenario, over) = (run.scenario.clone(), Arc::new(AtomicBool::new(false)));
     let is_admitted = Arc::new(AtomicBool::new(false));
     let has_client = Arc::clone(&is_admitted);
     let (end_run, is_over) = (Arc::clone(stop), Arc::clone(&over));

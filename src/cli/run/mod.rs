@@ -21,13 +21,15 @@ use anyhow::{Context, Result, bail};
 use base::clock::{Clock, Monotonic, Stopwatch};
 use base::time::Tai;
 use batch::campaign::{check_time_for_faults, episode_scenario};
-use config::{Bench, Carrier, Document, Link, Scenario, Setting, Wire};
+use config::{Bench, Carrier, Document, Link, Scenario, Setting};
 use core::sync::atomic::Ordering;
 use frames::report::{HygieneLine, RunSummary};
+use link::WireFormat;
 use run::runtime::{Hygiene, HygieneParams, Imager};
 use run::wiring::assemble::{Outputs, Run, RunOptions};
 use run::wiring::memory::{RunForm, RunMemory};
-use run::wiring::{capture_tap::CaptureOptions, live_tap::LiveOptions, sinks::run_directory, verdict::CutShort};
+use run::wiring::taps::{CaptureOptions, LiveOptions};
+use run::{wiring::sinks::run_directory, wiring::verdict::CutShort};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -165,7 +167,7 @@ fn say_left_out(scenario: &Scenario) {
 fn check_capture(arguments: &RunArgs, scenario: &Scenario) -> Result<()> {
     let mut links = core::iter::once(&scenario.bench.link).chain(&scenario.bench.extra_links);
     let is_candump = arguments.capture.is_some() && arguments.capture_format == CaptureFormatName::Candump;
-    if is_candump && links.any(|link| matches!(link.wire, Wire::Serial | Wire::Plain)) {
+    if is_candump && links.any(|link| matches!(link.wire, WireFormat::Serial | WireFormat::Plain)) {
         bail!(
             "--capture-format candump: got a bench with a serial line or a plain link; wanted pcapng: a candump log holds CAN only"
         );
@@ -175,8 +177,8 @@ fn check_capture(arguments: &RunArgs, scenario: &Scenario) -> Result<()> {
 
 /// Returns the file of telemetry, where a spacecraft is flown and files are kept.
 fn telemetry(run: &mut Run, directory: Option<&Path>) -> Result<Option<TelemetryFile>> {
-    let Some(directory) = directory.filter(|_| run.scenario().vehicle().is_some()) else { return Ok(None) };
-    let (file, on_row) = telemetry_file(directory, run.times().zero)?;
+    let Some(directory) = directory.filter(|_| run.scenario.vehicle().is_some()) else { return Ok(None) };
+    let (file, on_row) = telemetry_file(directory, run.times.zero)?;
     run.on_row(on_row);
     Ok(Some(file))
 }
@@ -237,7 +239,7 @@ fn stamp(at: Tai) -> String {
 
 /// Prints what is about to run.
 fn announce(run: &Run, arguments: &RunArgs) {
-    let (scenario, engine) = (run.scenario(), &run.heads()[0].engine);
+    let (scenario, engine) = (&run.scenario, &run.heads[0].engine);
     // On the virtual clock the backend changes how long a run takes, and nothing else.
     if let Some(note) = engine.imager().note().filter(|_| arguments.clock == ClockKind::Real) {
         eprintln!("{note}");

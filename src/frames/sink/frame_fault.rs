@@ -60,9 +60,20 @@ pub struct ProtonStorm {
     pub beam_deg: Option<[f64; 2]>,
 }
 
-/// Fault of a frame.
+/// Fault of a frame, by what it changes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum FrameFault {
+    /// When or how often an image is sent, or which one: that needs a run.
+    Sending(SendingFault),
+    /// One image.
+    Image(ImageFault),
+    /// Detector or optics, for all images after it, until it is taken back.
+    Camera(CameraFault),
+}
+
+/// Fault of the sending of a frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum SendingFault {
     /// The frame is not sent.
     Drop,
     /// The previous image in place of this one.
@@ -71,6 +82,11 @@ pub enum FrameFault {
     Late(Span),
     /// The upper half is the previous frame's.
     Torn,
+}
+
+/// Fault of one image.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ImageFault {
     /// Every pixel reads the black level: no light.
     Blank,
     /// One bit of some pixels' numbers is the other way, new pixels at random in every frame.
@@ -91,11 +107,6 @@ pub enum FrameFault {
         from_e_per_s: f64,
         /// And at the end.
         to_e_per_s: f64,
-    },
-    /// The point-spread function is another one, a Gaussian.
-    Defocus {
-        /// Its sigma, px.
-        sigma_px: f64,
     },
     /// Only a share of the light of stars, targets and sky comes through; it changes evenly while it lasts.
     Contamination {
@@ -131,6 +142,18 @@ pub enum FrameFault {
         /// Number of stars.
         count: u32,
     },
+    /// Tracks of protons.
+    Protons(ProtonStorm),
+}
+
+/// Fault of the detector or the optics.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum CameraFault {
+    /// The point-spread function is another one, a Gaussian.
+    Defocus {
+        /// Its sigma, px.
+        sigma_px: f64,
+    },
     /// Pixels with a defect.
     Pixels {
         /// Pixels with the defect.
@@ -138,8 +161,6 @@ pub enum FrameFault {
         /// Fault of these pixels.
         fault: PixelFault,
     },
-    /// Tracks of protons.
-    Protons(ProtonStorm),
 }
 
 flags! {
@@ -212,34 +233,48 @@ impl FrameFault {
         let whole = |word, flag| Facts(word, flag, [1.0; 2], WHOLE);
         let steady = |word, flag, amount, unit| Facts(word, flag, [amount; 2], unit);
         match self {
-            Self::Drop => whole("frame_drop", Flag::FRAME_DROP),
-            Self::Duplicate => whole("frame_duplicate", Flag::FRAME_DUPLICATE),
-            Self::Late(by) => steady("frame_late", Flag::FRAME_LATE, by.ms(), "ms"),
-            Self::Torn => whole("frame_torn", Flag::FRAME_TORN),
-            Self::Blank => whole("frame_blank", Flag::BLANK),
-            Self::BitFlip { bit, .. } => steady("frame_bit_flip", Flag::FRAME_BIT_FLIP, f64::from(bit), "bit"),
-            Self::StrayLight { e_per_s } => steady("stray_light", Flag::STRAY_LIGHT, e_per_s, "e-/s"),
-            Self::StrayLightRamp { from_e_per_s, to_e_per_s } => {
-                Facts("stray_light_ramp", Flag::STRAY_LIGHT, [from_e_per_s, to_e_per_s], "e-/s")
+            Self::Sending(fault) => match fault {
+                SendingFault::Drop => whole("frame_drop", Flag::FRAME_DROP),
+                SendingFault::Duplicate => whole("frame_duplicate", Flag::FRAME_DUPLICATE),
+                SendingFault::Late(by) => steady("frame_late", Flag::FRAME_LATE, by.ms(), "ms"),
+                SendingFault::Torn => whole("frame_torn", Flag::FRAME_TORN),
+            },
+            Self::Image(fault) => match fault {
+                ImageFault::Blank => whole("frame_blank", Flag::BLANK),
+                ImageFault::BitFlip { bit, .. } => {
+                    steady("frame_bit_flip", Flag::FRAME_BIT_FLIP, f64::from(bit), "bit")
+                }
+                ImageFault::StrayLight { e_per_s } => steady("stray_light", Flag::STRAY_LIGHT, e_per_s, "e-/s"),
+                ImageFault::StrayLightRamp { from_e_per_s, to_e_per_s } => {
+                    Facts("stray_light_ramp", Flag::STRAY_LIGHT, [from_e_per_s, to_e_per_s], "e-/s")
+                }
+                ImageFault::Contamination { from_share, to_share } => {
+                    Facts("contamination", Flag::CONTAMINATION, [from_share, to_share], "of the light")
+                }
+                ImageFault::TemperatureStep { by_k } => steady("temperature_step", Flag::TEMPERATURE, by_k, "K"),
+                ImageFault::Saturation { full_wells } => {
+                    steady("saturation", Flag::SATURATION, full_wells, "full wells")
+                }
+                ImageFault::FalseStars { mag, .. } => steady("false_stars", Flag::FALSE_STARS, mag, "mag"),
+                ImageFault::MissingStars { share } => {
+                    steady("missing_stars", Flag::MISSING_STARS, share, "of the stars")
+                }
+                ImageFault::MissingBrightStars { count } => {
+                    steady("missing_bright_stars", Flag::MISSING_STARS, f64::from(count), "stars")
+                }
+                ImageFault::Protons(storm) => {
+                    steady("proton_storm", Flag::PROTON_TRACKS, storm.per_cm2_s, "per cm2 and s")
+                }
+            },
+            Self::Camera(CameraFault::Defocus { sigma_px }) => {
+                steady("defocus_step", Flag::DEFOCUS, sigma_px, "px sigma")
             }
-            Self::Defocus { sigma_px } => steady("defocus_step", Flag::DEFOCUS, sigma_px, "px sigma"),
-            Self::Contamination { from_share, to_share } => {
-                Facts("contamination", Flag::CONTAMINATION, [from_share, to_share], "of the light")
-            }
-            Self::TemperatureStep { by_k } => steady("temperature_step", Flag::TEMPERATURE, by_k, "K"),
-            Self::Saturation { full_wells } => steady("saturation", Flag::SATURATION, full_wells, "full wells"),
-            Self::FalseStars { mag, .. } => steady("false_stars", Flag::FALSE_STARS, mag, "mag"),
-            Self::MissingStars { share } => steady("missing_stars", Flag::MISSING_STARS, share, "of the stars"),
-            Self::MissingBrightStars { count } => {
-                steady("missing_bright_stars", Flag::MISSING_STARS, f64::from(count), "stars")
-            }
-            Self::Pixels { fault, .. } => match fault {
+            Self::Camera(CameraFault::Pixels { fault, .. }) => match fault {
                 PixelFault::Hot { e_per_s } => steady("hot_pixels", Flag::HOT_PIXELS, e_per_s, "e-/s"),
                 PixelFault::Dead { response } => steady("dead_pixels", Flag::DEAD_PIXELS, response, "of the light"),
                 PixelFault::Rts { e_per_s, .. } => steady("rts_pixels", Flag::RTS_PIXELS, e_per_s, "e-/s"),
                 PixelFault::Stuck { dn } => steady("stuck_pixels", Flag::STUCK_PIXELS, f64::from(dn), "DN"),
             },
-            Self::Protons(storm) => steady("proton_storm", Flag::PROTON_TRACKS, storm.per_cm2_s, "per cm2 and s"),
         }
     }
 
@@ -263,23 +298,10 @@ impl FrameFault {
     /// Returns the pixels that it names, and the image on which they are counted.
     pub fn spots(self) -> Option<(PixelsOf, DefectSpots)> {
         match self {
-            Self::BitFlip { pixels, .. } => Some((PixelsOf::Images, pixels.into())),
-            Self::FalseStars { pixels, .. } => Some((PixelsOf::Detector, pixels.into())),
-            Self::Pixels { spots, .. } => Some((PixelsOf::Detector, spots)),
-            Self::Drop
-            | Self::Duplicate
-            | Self::Late(_)
-            | Self::Torn
-            | Self::Blank
-            | Self::StrayLight { .. }
-            | Self::StrayLightRamp { .. }
-            | Self::Defocus { .. }
-            | Self::Contamination { .. }
-            | Self::TemperatureStep { .. }
-            | Self::Saturation { .. }
-            | Self::MissingStars { .. }
-            | Self::MissingBrightStars { .. }
-            | Self::Protons(_) => None,
+            Self::Image(ImageFault::BitFlip { pixels, .. }) => Some((PixelsOf::Images, pixels.into())),
+            Self::Image(ImageFault::FalseStars { pixels, .. }) => Some((PixelsOf::Detector, pixels.into())),
+            Self::Camera(CameraFault::Pixels { spots, .. }) => Some((PixelsOf::Detector, spots)),
+            Self::Sending(_) | Self::Image(_) | Self::Camera(_) => None,
         }
     }
 }
@@ -304,11 +326,14 @@ mod tests {
     fn text_has_the_amount_and_how_it_changes() {
         let pixels = FaultPixels { at: Some([3, 4]), random: 0 };
         for (fault, wanted) in [
-            (FrameFault::Torn, ""),
-            (FrameFault::Late(Span::from_ms(300)), "300 ms"),
-            (FrameFault::FalseStars { pixels, mag: 4.5 }, "4.5 mag"),
-            (FrameFault::Contamination { from_share: 0.8, to_share: 0.8 }, "0.8 of the light"),
-            (FrameFault::Contamination { from_share: 0.8, to_share: 0.4 }, "0.8 to 0.4 of the light"),
+            (FrameFault::Sending(SendingFault::Torn), ""),
+            (FrameFault::Sending(SendingFault::Late(Span::from_ms(300))), "300 ms"),
+            (FrameFault::Image(ImageFault::FalseStars { pixels, mag: 4.5 }), "4.5 mag"),
+            (FrameFault::Image(ImageFault::Contamination { from_share: 0.8, to_share: 0.8 }), "0.8 of the light"),
+            (
+                FrameFault::Image(ImageFault::Contamination { from_share: 0.8, to_share: 0.4 }),
+                "0.8 to 0.4 of the light",
+            ),
         ] {
             assert_eq!(fault.to_string(), wanted);
         }
@@ -318,9 +343,12 @@ mod tests {
     fn pixels_are_counted_on_images_or_on_the_detector() {
         let pixels = FaultPixels { at: Some([3, 4]), random: 0 };
         let of = |fault: FrameFault| fault.spots().map(|(of, spots)| (of, spots.to_string()));
-        assert_eq!(of(FrameFault::BitFlip { bit: 1, pixels }), Some((PixelsOf::Images, "px = [3, 4]".to_owned())));
-        let stars = FrameFault::FalseStars { pixels, mag: 4.5 };
+        assert_eq!(
+            of(FrameFault::Image(ImageFault::BitFlip { bit: 1, pixels })),
+            Some((PixelsOf::Images, "px = [3, 4]".to_owned()))
+        );
+        let stars = FrameFault::Image(ImageFault::FalseStars { pixels, mag: 4.5 });
         assert_eq!(of(stars), Some((PixelsOf::Detector, "px = [3, 4]".to_owned())));
-        assert_eq!(of(FrameFault::Blank), None);
+        assert_eq!(of(FrameFault::Image(ImageFault::Blank)), None);
     }
 }

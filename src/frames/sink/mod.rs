@@ -58,7 +58,7 @@ pub use fan::{Fan, OnFull};
 pub use fault_pixels::{DefectSpots, FaultPixels};
 pub use faults::FaultFlags;
 pub use frame::{CameraFacts, FrameMeta, SentFrame, TruthKind, TruthStar};
-pub use frame_fault::{FrameFault, PixelFault, PixelsOf, ProtonStorm};
+pub use frame_fault::{CameraFault, FrameFault, ImageFault, PixelFault, PixelsOf, ProtonStorm, SendingFault};
 pub use line::{Loss, LossKind, sink_lines};
 pub use null::NullSink;
 pub use recorder::{Recorder, RecorderOptions};

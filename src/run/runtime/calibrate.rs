@@ -9,10 +9,13 @@
 //! constants, because what the planner chooses must be the same, bit for bit, on every machine
 //! (`tests/closed_loop/calibrated.rs`).
 
-use crate::runtime::error::RunError;
-use crate::runtime::imager::{BackendChoice, Imager};
-use base::{accuracy::AccuracyBudget, axes::Rotation, clock::Stopwatch, image::DnImage, least_squares::median};
-use base::{random::philox, time::Tai};
+use crate::runtime::error::{Result, RunError};
+use crate::runtime::imager::Imager;
+use base::{
+    accuracy::AccuracyBudget, axes::Rotation, clock::Stopwatch, image::DnImage, least_squares::median, random::philox,
+    time::Tai,
+};
+use config::Backend;
 use image::detector::{DetectorConditions, DetectorParams};
 use plan::attitude::LosPath;
 use plan::exposure::cost::{CostModel, Load};
@@ -49,9 +52,9 @@ pub struct Effort {
 impl Effort {
     /// Returns the effort of a full calibration (a few seconds) or, when `quick`, of one that takes about one second.
     /// The reference backend gets scenes it can draw in that time.
-    pub fn of(choice: BackendChoice, quick: bool) -> Self {
+    pub fn of(choice: Backend, quick: bool) -> Self {
         match (choice, quick) {
-            (BackendChoice::Reference, _) => Self { sides_px: [128, 256], stars: [20, 80], repeats: 3 },
+            (Backend::Reference, _) => Self { sides_px: [128, 256], stars: [20, 80], repeats: 3 },
             (_, true) => Self { sides_px: [512, 1024], stars: [2_000, 8_000], repeats: 5 },
             (_, false) => Self { sides_px: [1024, 2048], stars: [5_000, 20_000], repeats: 25 },
         }
@@ -126,10 +129,10 @@ fn scenes(effort: &Effort) -> [Scene; 10] {
 /// # Errors
 /// When the backend is unavailable or fails.
 pub fn calibrate(
-    choice: BackendChoice,
+    choice: Backend,
     effort: &Effort,
     progress: &mut dyn FnMut(&str, usize, usize),
-) -> Result<Calibration, RunError> {
+) -> Result<Calibration> {
     let scenes = scenes(effort);
     let mut measured = Vec::with_capacity(scenes.len());
     let mut imager: Option<(usize, Imager)> = None;
@@ -184,7 +187,7 @@ impl MeasuredScene {
     }
 }
 
-fn measure(scene: &Scene, side_px: usize, repeats: usize, imager: &mut Imager) -> Result<MeasuredScene, RunError> {
+fn measure(scene: &Scene, side_px: usize, repeats: usize, imager: &mut Imager) -> Result<MeasuredScene> {
     let mut planner = planner(scene, side_px, imager.cost())?;
     let sources = sources(scene.stars, side_px);
     let conditions = DetectorConditions::dark(planner.latest().motion.los.exposure_s);
@@ -233,7 +236,7 @@ fn detector() -> DetectorParams {
     }
 }
 
-fn planner(scene: &Scene, side_px: usize, cost: CostModel) -> Result<Planner, RunError> {
+fn planner(scene: &Scene, side_px: usize, cost: CostModel) -> Result<Planner> {
     let camera = CameraGeometry::new(CameraParameters {
         width_px: side_px,
         height_px: side_px,
@@ -288,7 +291,7 @@ mod tests {
     fn a_quick_calibration_gives_constants_that_predict_its_own_scenes() {
         let effort = Effort { sides_px: [256, 512], stars: [500, 2000], repeats: 3 };
         let mut reported = 0;
-        let found = calibrate(BackendChoice::Cpu, &effort, &mut |_, _, _| reported += 1).unwrap();
+        let found = calibrate(Backend::Cpu, &effort, &mut |_, _, _| reported += 1).unwrap();
         assert_eq!(reported, 11, "one line per scene and one at the end");
         assert_eq!(found.backend, "cpu");
         let CostModel { frame_ms, pixel_ns, readout_pixel_ns, .. } = found.cost;

@@ -3,7 +3,7 @@
 //!
 //! In: CAMERA and CAMERA_TRIGGER with their arrivals, what each head can do ([`CameraView`]). Out: commands by head, a
 //! refusal with its reason, whether CAMERA_STATUS is wanted. A command for all heads is taken by all or by none. The
-//! loop shows the heads before a command is taken in, and passes them accepted commands right after (`camera_heads`).
+//! loop shows the heads before a command is taken in, and passes them accepted commands right after (`head`).
 //! Allocates nothing after the start. Tests: below, and `tests/closed_loop/camera_bus.rs`.
 
 use base::time::{Span, Tai};
@@ -32,7 +32,8 @@ pub struct CameraView {
 pub struct CameraIntake {
     views: Vec<CameraView>,
     taken: VecDeque<(usize, Commanded)>,
-    is_reporting: bool,
+    /// True when CAMERA_STATUS is wanted.
+    pub is_reporting: bool,
 }
 
 impl Default for CameraIntake {
@@ -51,11 +52,6 @@ impl CameraIntake {
             None if head < HEADS_MAX => self.views.push(view),
             None => {}
         }
-    }
-
-    /// Returns true when CAMERA_STATUS is wanted.
-    pub fn is_reporting(&self) -> bool {
-        self.is_reporting
     }
 
     /// Starts a new conversation, in which CAMERA_STATUS has not been requested.
@@ -259,10 +255,10 @@ mod tests {
     #[test]
     fn status_is_off_until_it_is_asked_for_and_after_hello() {
         let mut intake = CameraIntake::default();
-        assert!(!intake.is_reporting());
+        assert!(!intake.is_reporting);
         assert_eq!(set(&mut intake, CameraKind::Report, 9, 1), Ok(()), "whatever the head");
-        assert!(intake.is_reporting());
+        assert!(intake.is_reporting);
         intake.begin();
-        assert!(!intake.is_reporting());
+        assert!(!intake.is_reporting);
     }
 }

@@ -4,8 +4,8 @@
 //! that is damaged, or was made on another machine, adapter or version of starloop, is refused with an error that
 //! states what, where, wanted and got. Tests below.
 
-use crate::runtime::error::CostCacheError;
 use base::input_file::{SETTINGS_BYTES, read_text};
+use base::refused::Refused;
 use frames::{report::Machine, sink::write_file_atomically};
 use plan::exposure::cost::CostModel;
 use serde::{Deserialize, Serialize};
@@ -85,39 +85,43 @@ pub fn folder() -> Option<PathBuf> {
 ///
 /// # Errors
 /// When the file cannot be written.
-pub fn write(path: &Path, cached: &CachedCost) -> Result<(), CostCacheError> {
-    let refuse = |reason: String| CostCacheError::Write { path: path.into(), reason };
-    let text = toml::to_string(cached).map_err(|error| refuse(error.to_string()))?;
+pub fn write(path: &Path, cached: &CachedCost) -> Result<(), Refused> {
+    let text = toml::to_string(cached).map_err(|error| Refused::at(path, error))?;
     if let Some(folder) = path.parent() {
-        std::fs::create_dir_all(folder).map_err(|error| refuse(error.to_string()))?;
+        std::fs::create_dir_all(folder).map_err(|error| Refused::at(path, error))?;
     }
     write_file_atomically(path, |out| out.write_all(text.as_bytes()))
         .map(drop)
-        .map_err(|error| refuse(error.to_string()))
+        .map_err(|error| Refused::at(path, error))
 }
 
 /// Reads the constants of `owner`; `None` when they were never measured.
 ///
 /// # Errors
 /// When the file is damaged or belongs to something else.
-pub fn read(path: &Path, owner: &CostOwner) -> Result<Option<CachedCost>, CostCacheError> {
+pub fn read(path: &Path, owner: &CostOwner) -> Result<Option<CachedCost>, Refused> {
     let text = match read_text(path, SETTINGS_BYTES) {
         Ok(text) => text,
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
-        Err(error) => return Err(CostCacheError::Damaged { path: path.into(), reason: error.to_string() }),
+        Err(error) => return Err(damaged(path, &error.to_string())),
     };
     let damaged = |reason: &str| {
-        let reason = reason.lines().map(str::trim).filter(|line| !line.is_empty()).collect::<Vec<_>>().join("; ");
-        CostCacheError::Damaged { path: path.into(), reason }
+        let lines = reason.lines().map(str::trim).filter(|line| !line.is_empty());
+        damaged(path, &lines.collect::<Vec<_>>().join("; "))
     };
     let cached: CachedCost = toml::from_str(&text).map_err(|error| damaged(error.message()))?;
     if let Some((what, wanted, got)) = owner.difference(&cached.owner) {
-        return Err(CostCacheError::Foreign { path: path.into(), what, wanted, got });
+        let why = format!("{what}: wanted \"{wanted}\", got \"{got}\"; `starloop calibrate` measures again");
+        return Err(Refused::at(path, why));
     }
     if !cached.cost.is_sound() {
         return Err(damaged("a constant is negative or not finite"));
     }
     Ok(Some(cached))
+}
+
+fn damaged(path: &Path, reason: &str) -> Refused {
+    Refused::at(path, format!("damaged ({reason}); `starloop calibrate` makes a new one"))
 }
 
 #[cfg(test)]

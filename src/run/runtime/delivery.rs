@@ -5,7 +5,7 @@
 //! buffers last costs slots; a [`frames::sink::Fan`] is only busy for as long as it takes to copy a frame. Tests:
 //! `tests/closed_loop/sinks.rs`.
 
-use crate::runtime::error::RunError;
+use crate::runtime::error::{Result, RunError};
 use crate::runtime::hygiene::{Hygiene, Role};
 use base::{clock::Clock, time::Tai};
 use crossbeam_channel::{Receiver, Sender, bounded};
@@ -38,6 +38,7 @@ struct Carried {
 }
 
 /// Counts and losses of all frames that were sent.
+#[derive(Default)]
 pub struct Delivered {
     /// Frames that the sink took.
     pub frames: u64,
@@ -73,7 +74,7 @@ impl Delivery {
         prototype: &SentFrame,
         clock: &Arc<dyn Clock>,
         hygiene: Option<&Arc<Hygiene>>,
-    ) -> Result<Self, RunError> {
+    ) -> Result<Self> {
         let (full, to_send) = bounded::<FramePacket>(BUFFERS);
         let (sent, empty) = bounded::<FramePacket>(BUFFERS);
         for _ in 0..BUFFERS {
@@ -116,7 +117,7 @@ impl Delivery {
     ///
     /// # Errors
     /// When the sink thread has ended.
-    pub fn send(&self, mut frame_packet: FramePacket, now: Tai) -> Result<(), RunError> {
+    pub fn send(&self, mut frame_packet: FramePacket, now: Tai) -> Result<()> {
         frame_packet.record.submitted = Some(now);
         frame_packet.delivered = false;
         frame_packet.losses.clear();
@@ -136,14 +137,8 @@ impl Delivery {
         self.hang_up();
         let joined = self.thread.join();
         self.empty.try_iter().for_each(|frame_packet| visit(&frame_packet));
-        joined.unwrap_or_else(|_panicked| Delivered {
-            frames: 0,
-            refused: 0,
-            losses: Vec::new(),
-            summary: None,
-            lines: Vec::new(),
-            error: Some(RunError::ThreadLost { name: "sink" }),
-        })
+        let lost = Some(RunError::ThreadLost { name: "sink" });
+        joined.unwrap_or_else(|_panicked| Delivered { error: lost, ..Delivered::default() })
     }
 }
 

@@ -1,12 +1,18 @@
 //! Writes a frame's metadata: its plan, its attitude, and the settings of its exposure.
+//!
+//! Facts about a frame's line of sight: which part of it was extrapolated, the error of the quadratic, missing jitter.
+//!
+//! In: the report of the path. Out: fields of the frame's metadata, and events where attitudes or jitter samples were
+//! missing. Tests: `tests/closed_loop/attitude.rs`, `tests/closed_loop/late_jitter.rs`.
 
-use crate::runtime::{path_facts::PathFacts, slot::Slot};
+use crate::runtime::ledger::{Event, EventKind, Ledger};
+use crate::runtime::slot::Slot;
 use base::axes::{Rotation, Sensor, ra_dec_roll};
-use base::{drawn::FrameMethod, time::Span};
+use base::{drawn::FrameMethod, time::Span, units::ARCSEC};
 use frames::camera_control::CameraSettings;
 use frames::sink::{ActiveFaults, FaultFlags, FrameMeta};
 use image::detector::{Seeds, levels::Levels};
-use plan::attitude::LosPath;
+use plan::attitude::{LosPath, PathOrigin, PathReport};
 use plan::exposure::ExposurePlan;
 
 /// Corrects attitude and rate to the sensor's own axes for a frame that is drawn in other axes, for a display. Its
@@ -58,4 +64,46 @@ pub fn fill_meta(
 pub(super) fn describe_exposure(slot: &Slot, settings: &CameraSettings, meta: &mut FrameMeta) {
     (meta.started_by, meta.trigger_delay) = (slot.started.name(), slot.trigger_delay());
     (meta.gain_db, meta.regions) = (settings.gain_db, settings.regions);
+}
+
+/// Metadata of a frame's line of sight; the default is that of a frame without one.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct PathFacts {
+    end_horizon: Span,
+    outside: Span,
+    is_partly_extrapolated: bool,
+    residual_rad: f64,
+    jitter_missing: Span,
+}
+
+impl PathFacts {
+    /// Reads the facts from a report. A path that was predicted or held as a whole is marked by its origin instead.
+    pub(super) fn of(report: &PathReport, origin: PathOrigin) -> Self {
+        Self {
+            end_horizon: report.end_horizon,
+            outside: report.outside,
+            is_partly_extrapolated: origin == PathOrigin::Interpolated && report.is_partly_extrapolated(),
+            residual_rad: report.residual_rad,
+            jitter_missing: report.jitter.missing,
+        }
+    }
+
+    /// Adds missing attitudes and samples to the ledger.
+    pub(super) fn note(&self, slot: Slot, ledger: &mut Ledger) {
+        let mut note = |kind, span| ledger.note(Event::new(kind, slot.release, Some(slot.number), span));
+        if self.is_partly_extrapolated {
+            note(EventKind::PartlyExtrapolated, self.outside);
+        }
+        if self.jitter_missing > Span::ZERO {
+            note(EventKind::JitterMissing, self.jitter_missing);
+        }
+    }
+
+    /// Writes the facts into a frame's metadata.
+    pub(super) fn describe(&self, meta: &mut FrameMeta) {
+        meta.end_horizon = self.end_horizon;
+        meta.is_partly_extrapolated = self.is_partly_extrapolated;
+        meta.residual_arcsec = self.residual_rad / ARCSEC;
+        meta.jitter_missing = self.jitter_missing;
+    }
 }

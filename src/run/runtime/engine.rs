@@ -3,19 +3,18 @@
 
 mod draw;
 
-use crate::runtime::conditions::Conditions;
-
-pub use crate::runtime::describe::fill_meta;
+use crate::runtime::error::{Result, RunError};
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::load::{LoadChange, LoadEstimate};
 use crate::runtime::marks::{FrameMark, FrameMarks};
 use crate::runtime::slot::{Slot, Started};
 use crate::runtime::{
-    error::RunError, exposing::Exposing, imager::Imager, params::RunParams, path_facts::PathFacts, receiver::Receiver,
+    conditions::Conditions, describe::PathFacts, exposing::Exposing, imager::Imager, params::RunParams,
+    receiver::Receiver,
 };
 use base::time::{Span, Tai};
 use base::{axes::Rotation, clock::Stopwatch, refused::Refused, region::Regions, units::SPEED_OF_LIGHT_KM_S};
-pub use draw::Light;
+use config::Overlap;
 use frames::report::{FrameEnd, Stage, StageTimes};
 use frames::sink::SentFrame;
 use glam::DVec3;
@@ -24,10 +23,14 @@ use plan::attitude::{
     AttitudeMethod, EstimateLimits, JitterTrack, LosPath, MotionScale, PathOrigin, PathOutcome, PathReport, compose,
 };
 use plan::exposure::{ExposurePlan, Instrument, Planner, Source, SourcePlace};
-use plan::{exposure::cost::CostModel, exposure::target::Target, optics::PsfModel};
+use plan::exposure::{cost::CostModel, target::Target};
+use plan::optics::PsfModel;
 use scene::{Scene, field_light::illumination_map, wcs::WcsMaker};
 use sky::{almanac::Almanac, astrometry::Sight};
 use stars::Sky;
+
+pub use crate::runtime::describe::fill_meta;
+pub use draw::Light;
 
 /// Content of the image of a slot.
 enum Shown {
@@ -41,7 +44,8 @@ pub struct FrameEngine {
     /// Number of its head, by which it finds its mounting in the receiver.
     head: usize,
     params: RunParams,
-    exposing: Exposing,
+    /// The times and settings of its exposures, for commands.
+    pub exposing: Exposing,
     planner: Planner,
     /// Planners of other optics; the entry of the optics in use is empty.
     optics: Vec<Option<Planner>>,
@@ -57,9 +61,11 @@ pub struct FrameEngine {
     load: Option<LoadEstimate>,
     /// Largest expected motion of the body, if known.
     motion: Option<MotionScale>,
-    pointing_bound_rad: Option<f64>,
+    /// The bound of the latest frame's pointing error, rad, by the attitude method that made it; `None` when
+    /// the motion is unknown or the method has no bound (held, or predicted beyond the acceleration's horizon).
+    pub pointing_bound_rad: Option<f64>,
     /// End of the latest frame if it goes out on time.
-    end_on_time: FrameEnd,
+    pub end_on_time: FrameEnd,
     /// True once a frame has shown an attitude.
     has_been_lit: bool,
     /// Facts about the latest frame's line of sight.
@@ -73,7 +79,7 @@ impl FrameEngine {
     ///
     /// # Errors
     /// When the backend or the catalog is unavailable.
-    pub fn new(params: RunParams) -> Result<Self, RunError> {
+    pub fn new(params: RunParams) -> Result<Self> {
         let imager = Imager::of_detector(params.backend, params.camera.make_detector(params.seeds())?)?;
         let (sky, almanac) = (params.open_sky().map_err(RunError::Stars)?, params.almanac());
         Self::with_sky(params, imager, &sky, &almanac)
@@ -84,15 +90,15 @@ impl FrameEngine {
     ///
     /// # Errors
     /// When the imager refuses the parameters.
-    pub fn with_sky(params: RunParams, mut imager: Imager, sky: &Sky, almanac: &Almanac) -> Result<Self, RunError> {
+    pub fn with_sky(params: RunParams, mut imager: Imager, sky: &Sky, almanac: &Almanac) -> Result<Self> {
         imager.disturbances_mut().defects_mut().set_frame_period_s(params.frame_period.s());
         let camera = &params.camera;
         let mut los = LosPath::commanded(Rotation::IDENTITY, params.first_exposure, camera.exposure_s);
         let attitude = &params.attitude;
-        los.jitter = JitterTrack::with_capacity(attitude.jitter_lines.len(), attitude.jitter_history.capacity);
+        los.jitter = JitterTrack::with_capacity(attitude.jitter_lines.len(), attitude.settings.jitter_history.capacity);
         let cost = params.cost.unwrap_or(imager.cost());
         let planner = new_planner(&params, &imager, los, None);
-        if params.keeps_brighter && params.has_targets() {
+        if params.target_overlap == Overlap::Brighter && params.has_targets() {
             imager.keep_brighter()?;
         }
         let scene = Scene::new(&params.scene(almanac), sky);
@@ -140,7 +146,7 @@ impl FrameEngine {
     ///
     /// # Errors
     /// When the backend cannot build another set of tables.
-    pub fn add_optics(&mut self, psf: PsfModel) -> Result<usize, RunError> {
+    pub fn add_optics(&mut self, psf: PsfModel) -> Result<usize> {
         self.imager.add_tables()?;
         match self.make_optics(self.optics.len(), psf) {
             Ok(planner) => {
@@ -160,14 +166,14 @@ impl FrameEngine {
     ///
     /// # Errors
     /// When the backend cannot build the tables.
-    pub fn replace_optics(&mut self, number: usize, psf: PsfModel) -> Result<(), RunError> {
+    pub fn replace_optics(&mut self, number: usize, psf: PsfModel) -> Result<()> {
         self.optics[number] = None;
         self.optics[number] = Some(self.make_optics(number, psf)?);
         Ok(())
     }
 
     /// Returns a planner for other optics, whose tables are built at `number`.
-    fn make_optics(&mut self, number: usize, psf: PsfModel) -> Result<Planner, RunError> {
+    fn make_optics(&mut self, number: usize, psf: PsfModel) -> Result<Planner> {
         let los = self.planner.latest().motion.los.clone();
         let mut planner = new_planner(&self.params, &self.imager, los, Some(psf));
         // Drawing one star once builds all tables.
@@ -202,7 +208,7 @@ impl FrameEngine {
     ///
     /// # Errors
     /// When the backend failed.
-    pub fn draw_target_alone(&mut self, target: &Target) -> Result<(), RunError> {
+    pub fn draw_target_alone(&mut self, target: &Target) -> Result<()> {
         self.set_targets(&[]);
         // A planned target has the light that reaches the detector.
         self.planner.set_target_light(1.0);
@@ -238,7 +244,7 @@ impl FrameEngine {
     ///
     /// # Errors
     /// When the system cannot start the thread.
-    pub fn read_stars_ahead(&mut self) -> Result<(), RunError> {
+    pub fn read_stars_ahead(&mut self) -> Result<()> {
         self.scene.stars.read_ahead().map_err(RunError::Scene)
     }
 
@@ -275,17 +281,6 @@ impl FrameEngine {
         self.motion = Some(motion);
     }
 
-    /// Returns the bound of the latest frame's pointing error, rad, by the attitude method that made it; `None` when
-    /// the motion is unknown or the method has no bound (held, or predicted beyond the acceleration's horizon).
-    pub fn pointing_bound_rad(&self) -> Option<f64> {
-        self.pointing_bound_rad
-    }
-
-    /// Returns the end of the latest frame if it goes out on time.
-    pub fn end_on_time(&self) -> FrameEnd {
-        self.end_on_time
-    }
-
     /// Returns the largest error that the lens contributes to the sky map in frame headers, px; `None` where frames
     /// have no map.
     pub fn wcs_error_px(&self) -> Option<f64> {
@@ -317,16 +312,6 @@ impl FrameEngine {
         self.exposing.nominal(number)
     }
 
-    /// Returns times and settings of its exposures.
-    pub fn exposing(&self) -> &Exposing {
-        &self.exposing
-    }
-
-    /// Returns the times and settings of its exposures, for commands.
-    pub fn exposing_mut(&mut self) -> &mut Exposing {
-        &mut self.exposing
-    }
-
     /// Returns the longest time that a slot waits for jitter samples that are under way: zero without a stream of them
     /// or for frames drawn ahead, and at most half of the time that a frame like the one before leaves.
     pub fn jitter_wait(&self, slot: Slot, receiver: &Receiver) -> Span {
@@ -339,7 +324,7 @@ impl FrameEngine {
         let spare_ms = (self.drawing_budget_ms(regions, load) - latest_ms) * load;
         let frame_ms = (latest_ms + self.detector_ms(regions)) * load * f64::from(params.heads);
         let half_ms = 0.5 * spare_ms.min(params.frame_period.ms() - frame_ms).max(0.0);
-        receiver.params().jitter_wait.min(Span::from_s(half_ms * 1e-3))
+        receiver.params.settings.jitter_wait.min(Span::from_s(half_ms * 1e-3))
     }
 
     /// Returns the predicted time of the detector for a frame of these regions, ms; a GPU always reads out the whole
@@ -382,7 +367,7 @@ impl FrameEngine {
     ///
     /// # Errors
     /// When the backend failed.
-    pub fn warm_up(&mut self, frame: &mut SentFrame) -> Result<(), RunError> {
+    pub fn warm_up(&mut self, frame: &mut SentFrame) -> Result<()> {
         let sources = self.scene.stars.in_view(&self.planner.latest().motion.los).map_err(RunError::Scene)?;
         let plan = self.planner.plan(sources);
         self.imager.image(plan, 0, &DetectorConditions::dark(plan.motion.los.exposure_s), &mut frame.image)?;
@@ -402,7 +387,7 @@ impl FrameEngine {
         receiver: &mut Receiver,
         ledger: &mut Ledger,
         frame: &mut SentFrame,
-    ) -> Result<Option<StageTimes>, RunError> {
+    ) -> Result<Option<StageTimes>> {
         let mut times = bus_times(slot, receiver);
         receiver.mounting_mut(self.head).jitter.set_exposure_s(self.exposing.exposure_s());
         self.conditions.set_exposing(self.exposing.light_factor(), self.exposing.settings());
@@ -449,29 +434,31 @@ impl FrameEngine {
     }
 
     /// Composes the line of sight of the slot in the planner, and returns what the image shows.
-    fn compose(&mut self, slot: Slot, receiver: &Receiver, ledger: &mut Ledger) -> Result<Shown, RunError> {
-        let (params, rows_s, mounting) = (receiver.params(), self.rows_s(), receiver.mounting(self.head));
+    fn compose(&mut self, slot: Slot, receiver: &Receiver, ledger: &mut Ledger) -> Result<Shown> {
+        let (params, rows_s, mounting) = (&receiver.params, self.rows_s(), receiver.mounting(self.head));
         self.path = PathFacts::default();
         let los = &mut self.planner.motion_mut().los;
-        if !receiver.session().is_rendering() {
+        if !receiver.session.is_rendering() {
             note(ledger, EventKind::NotRunning, slot, Span::ZERO);
-            (self.pointing_bound_rad, self.end_on_time) = (None, receiver.session().end_while_dark());
+            (self.pointing_bound_rad, self.end_on_time) = (None, receiver.session.end_while_dark());
             show_nothing(los, slot.exposure_start, self.exposing.exposure_s());
             return Ok(Shown::Dark);
         }
         let outcome = compose(
-            receiver.history(),
+            &receiver.history,
             &mounting.jitter,
             mounting.sensor_from_body,
             slot.exposure_start - Span::from_s(0.5 * rows_s),
             self.exposing.exposure_s() + rows_s,
-            &params.estimate,
+            &params.settings.estimate,
             los,
         );
         los.exposure_start = slot.exposure_start;
         los.exposure_s = self.exposing.exposure_s();
         self.pointing_bound_rad = match (&outcome, &self.motion) {
-            (Ok(PathOutcome::Show(report)), Some(motion)) => bound_rad(los.origin, report, motion, &params.estimate),
+            (Ok(PathOutcome::Show(report)), Some(motion)) => {
+                bound_rad(los.origin, report, motion, &params.settings.estimate)
+            }
             _ => None,
         };
         self.end_on_time = match (&outcome, los.origin) {
@@ -558,7 +545,7 @@ fn bus_times(slot: Slot, receiver: &Receiver) -> StageTimes {
         (Stage::Trigger, trigger),
         (Stage::BusAge, receiver.age_at(slot.release)),
         (Stage::ArrivalAge, receiver.arrival_age_at(slot.release)),
-        (Stage::Correlation, receiver.clock().estimate().map(|estimate| estimate.spread)),
+        (Stage::Correlation, receiver.clock.estimate().map(|estimate| estimate.spread)),
     ];
     for (stage, span) in known {
         if let Some(span) = span {
@@ -570,16 +557,12 @@ fn bus_times(slot: Slot, receiver: &Receiver) -> StageTimes {
 
 /// Returns the bound of the error at mid-exposure, rad, if the method that was used has one.
 fn bound_rad(origin: PathOrigin, report: &PathReport, motion: &MotionScale, limits: &EstimateLimits) -> Option<f64> {
-    let bound_rad = match origin {
-        PathOrigin::Interpolated => AttitudeMethod::Interpolation.bound_rad(motion, report.gap.s()),
-        PathOrigin::Predicted if report.horizon <= limits.max_horizon => {
-            AttitudeMethod::ConstantAcceleration.bound_rad(motion, report.horizon.s())
-        }
-        PathOrigin::Predicted
-        | PathOrigin::Held
-        | PathOrigin::Commanded
-        | PathOrigin::Absent
-        | PathOrigin::TestPattern => return None,
+    let bound_rad = if origin == PathOrigin::Interpolated {
+        AttitudeMethod::Interpolation.bound_rad(motion, report.gap.s())
+    } else if origin == PathOrigin::Predicted && report.horizon <= limits.max_horizon {
+        AttitudeMethod::ConstantAcceleration.bound_rad(motion, report.horizon.s())
+    } else {
+        return None;
     };
     // A bound of half a turn means: outside the method's domain.
     (bound_rad < core::f64::consts::PI).then_some(bound_rad)

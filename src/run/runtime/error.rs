@@ -4,10 +4,12 @@ use base::{refused::Refused, time::Span};
 use frames::sink::SinkError;
 use image::detector::pattern::PatternSizeError;
 use link::LinkError;
-use std::path::PathBuf;
 
 /// Any error at the other end of the cable.
 pub type FarEndError = Box<dyn core::error::Error + Send + Sync>;
+
+/// A value, or why the run cannot start or go on.
+pub(crate) type Result<T, E = RunError> = core::result::Result<T, E>;
 
 /// Errors of a run.
 #[derive(Debug, thiserror::Error)]
@@ -58,38 +60,5 @@ pub enum RunError {
     ThreadLost {
         /// Name of the thread.
         name: &'static str,
-    },
-}
-
-/// Why cached cost constants are not used, or could not be kept.
-#[derive(Debug, thiserror::Error)]
-pub enum CostCacheError {
-    /// the file is not as `starloop calibrate` writes it
-    #[error("{}: damaged ({reason}); `starloop calibrate` makes a new one", path.display())]
-    Damaged {
-        /// The file.
-        path: PathBuf,
-        /// Description of the damage.
-        reason: String,
-    },
-    /// the constants belong to another machine, adapter or version
-    #[error("{}: {what}: wanted \"{wanted}\", got \"{got}\"; `starloop calibrate` measures again", path.display())]
-    Foreign {
-        /// The file.
-        path: PathBuf,
-        /// Field that differs.
-        what: &'static str,
-        /// Value on this machine.
-        wanted: String,
-        /// Value in the file.
-        got: String,
-    },
-    /// the file could not be written
-    #[error("{}: {reason}", path.display())]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// Cause.
-        reason: String,
     },
 }

@@ -43,7 +43,8 @@ pub struct Exposing {
     /// Exposure time without commands, and the same in seconds as given in the camera's file.
     own: (Span, f64),
     largest_dn: f64,
-    is_commanded: bool,
+    /// True when a command was accepted.
+    pub is_commanded: bool,
     has_line: bool,
     auto_exposure: AutoMode,
     auto_gain: AutoMode,
@@ -122,11 +123,6 @@ impl Exposing {
     /// Returns true when edges of a line trigger this head.
     pub fn has_line(&self) -> bool {
         self.has_line
-    }
-
-    /// Returns true when a command was accepted.
-    pub fn is_commanded(&self) -> bool {
-        self.is_commanded
     }
 
     /// Returns the number of exposures of a run without commands.

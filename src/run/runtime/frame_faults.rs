@@ -6,15 +6,17 @@
 //! into the frame's truth, so that no damage is silent; start and end go into the ledger. Deterministic. Whatever a
 //! fault needs (tables of other optics, places of stars) is made before the run, by [`FrameFaults::prepare`].
 //! Tests: below, `conditions`, and `tests/closed_loop/imaging_faults.rs`.
+//!
+//! Damages a finished frame's pixels on purpose: blank, repeated, torn, flipped bits.
 
 use crate::runtime::conditions::{Conditions, FALSE_STARS_MAX, FAULT_STREAM};
-use crate::runtime::frame_damage::{self, Repeated, scaled};
 use crate::runtime::ledger::{Event, EventKind, Ledger};
-use crate::runtime::{engine::FrameEngine, error::RunError, slot::Slot};
+use crate::runtime::{engine::FrameEngine, error::Result, slot::Slot};
 use base::random::{key, philox};
 use base::time::{Span, Tai};
 use frames::sink::{
-    ActiveFault, ActiveFaults, DefectSpots, FaultFlags, FaultPixels, FrameFault, PixelFault, ProtonStorm, SentFrame,
+    ActiveFault, ActiveFaults, CameraFault, DefectSpots, FaultFlags, FaultPixels, FrameFault, ImageFault, PixelFault,
+    ProtonStorm, SendingFault, SentFrame,
 };
 use image::detector::defects::{Defect, DefectEdit, DefectId, DefectKind, DefectPlace, Rates};
 use image::detector::protons::{ProtonDirection, ProtonFlux};
@@ -169,7 +171,7 @@ impl FrameFaults {
     ///
     /// # Errors
     /// When the tables of other optics are unavailable.
-    pub fn prepare(&mut self, engine: &mut FrameEngine) -> Result<(), RunError> {
+    pub fn prepare(&mut self, engine: &mut FrameEngine) -> Result<()> {
         let params = engine.params();
         let (seed, exposure_s) = (params.seed, params.camera.exposure_s);
         let size = [params.camera.geometry.width_px(), params.camera.geometry.height_px()];
@@ -190,10 +192,10 @@ impl FrameFaults {
         }
         for timed in self.timed.iter_mut().filter(|timed| timed.made == Made::NotYet) {
             timed.made = match timed.fault {
-                FrameFault::Defocus { sigma_px } => {
+                FrameFault::Camera(CameraFault::Defocus { sigma_px }) => {
                     Made::Optics(new_optics(engine, self.spare_optics.pop(), PsfModel::gaussian(sigma_px))?)
                 }
-                FrameFault::FalseStars { pixels, mag } => {
+                FrameFault::Image(ImageFault::FalseStars { pixels, mag }) => {
                     let first = self.false_stars.len();
                     let electrons = radiometry.electrons(mag, 0.0, exposure_s);
                     add_false_stars(
@@ -206,7 +208,7 @@ impl FrameFaults {
                     );
                     Made::Stars(first, self.false_stars.len() - first)
                 }
-                FrameFault::Pixels { spots, fault } => {
+                FrameFault::Camera(CameraFault::Pixels { spots, fault }) => {
                     let first = self.defects.len();
                     let kind = defect_kind(fault);
                     let commanded = |place| Commanded { defect: Defect { place, kind }, id: None };
@@ -214,20 +216,7 @@ impl FrameFaults {
                     self.defects.extend(places.map(commanded));
                     Made::Defects(first, self.defects.len() - first)
                 }
-                FrameFault::Drop
-                | FrameFault::Duplicate
-                | FrameFault::Late(_)
-                | FrameFault::Torn
-                | FrameFault::Blank
-                | FrameFault::BitFlip { .. }
-                | FrameFault::StrayLight { .. }
-                | FrameFault::StrayLightRamp { .. }
-                | FrameFault::Contamination { .. }
-                | FrameFault::TemperatureStep { .. }
-                | FrameFault::Saturation { .. }
-                | FrameFault::MissingStars { .. }
-                | FrameFault::MissingBrightStars { .. }
-                | FrameFault::Protons(_) => Made::Nothing,
+                FrameFault::Sending(_) | FrameFault::Image(_) => Made::Nothing,
             };
         }
         Ok(())
@@ -255,7 +244,8 @@ impl FrameFaults {
                 }
             }
             // The very first frame has no previous image to repeat.
-            let needs_previous = matches!(timed.fault, FrameFault::Torn | FrameFault::Duplicate);
+            let needs_previous =
+                matches!(timed.fault, FrameFault::Sending(SendingFault::Torn | SendingFault::Duplicate));
             if !is_on || (needs_previous && !has_previous) {
                 continue;
             }
@@ -280,24 +270,26 @@ impl FrameFaults {
         frame.meta.faults |= fate.flags;
         frame.meta.active = fate.active;
         if fate.is_blank {
-            frame_damage::blank(frame);
+            blank(frame);
         }
         if fate.is_blank || fate.repeated != Repeated::Nothing {
             // Its pixels do not, or not all, belong to its own attitude.
             frame.meta.wcs = None;
         }
         if self.needs_previous() {
-            frame_damage::repeat(fate.repeated, frame, &mut self.previous);
+            repeat(fate.repeated, frame, &mut self.previous);
         }
         for timed in self.timed.iter().filter(|timed| timed.is_on) {
-            if let FrameFault::BitFlip { bit, pixels } = timed.fault {
-                frame_damage::flip(bit, pixels, u32::from(timed.number), frame);
+            if let FrameFault::Image(ImageFault::BitFlip { bit, pixels }) = timed.fault {
+                flip(bit, pixels, u32::from(timed.number), frame);
             }
         }
     }
 
     fn needs_previous(&self) -> bool {
-        self.timed.iter().any(|timed| matches!(timed.fault, FrameFault::Torn | FrameFault::Duplicate))
+        self.timed
+            .iter()
+            .any(|timed| matches!(timed.fault, FrameFault::Sending(SendingFault::Torn | SendingFault::Duplicate)))
     }
 }
 
@@ -305,28 +297,17 @@ impl Fate {
     /// Adds the effect of a fault on a finished frame.
     fn take(&mut self, fault: &FrameFault) {
         match *fault {
-            FrameFault::Drop => self.is_dropped = true,
-            FrameFault::Duplicate => self.repeated = Repeated::All,
-            FrameFault::Torn => {
+            FrameFault::Sending(SendingFault::Drop) => self.is_dropped = true,
+            FrameFault::Sending(SendingFault::Duplicate) => self.repeated = Repeated::All,
+            FrameFault::Sending(SendingFault::Torn) => {
                 if self.repeated == Repeated::Nothing {
                     self.repeated = Repeated::UpperHalf;
                 }
             }
-            FrameFault::Late(delay) => self.delay = self.delay.max(delay),
-            FrameFault::Blank => self.is_blank = true,
+            FrameFault::Sending(SendingFault::Late(delay)) => self.delay = self.delay.max(delay),
+            FrameFault::Image(ImageFault::Blank) => self.is_blank = true,
             // These faults change the exposure or single pixels.
-            FrameFault::BitFlip { .. }
-            | FrameFault::StrayLight { .. }
-            | FrameFault::StrayLightRamp { .. }
-            | FrameFault::Defocus { .. }
-            | FrameFault::Contamination { .. }
-            | FrameFault::TemperatureStep { .. }
-            | FrameFault::Saturation { .. }
-            | FrameFault::FalseStars { .. }
-            | FrameFault::MissingStars { .. }
-            | FrameFault::MissingBrightStars { .. }
-            | FrameFault::Pixels { .. }
-            | FrameFault::Protons(_) => {}
+            FrameFault::Image(_) | FrameFault::Camera(_) => {}
         }
     }
 }
@@ -374,33 +355,31 @@ fn expose_under(
     false_stars: &[Source],
 ) {
     match timed.fault {
-        FrameFault::StrayLight { .. } | FrameFault::StrayLightRamp { .. } => conditions.stray_e_per_s += value,
-        FrameFault::Defocus { .. } => {
+        FrameFault::Image(ImageFault::StrayLight { .. }) | FrameFault::Image(ImageFault::StrayLightRamp { .. }) => {
+            conditions.stray_e_per_s += value
+        }
+        FrameFault::Camera(CameraFault::Defocus { .. }) => {
             if let Made::Optics(optics) = timed.made {
                 conditions.optics = optics;
             }
         }
-        FrameFault::Contamination { .. } => conditions.throughput *= value,
-        FrameFault::TemperatureStep { .. } => conditions.warmer_k += value,
-        FrameFault::Saturation { .. } => conditions.flood_e += value * full_well_e,
-        FrameFault::MissingStars { share } => {
+        FrameFault::Image(ImageFault::Contamination { .. }) => conditions.throughput *= value,
+        FrameFault::Image(ImageFault::TemperatureStep { .. }) => conditions.warmer_k += value,
+        FrameFault::Image(ImageFault::Saturation { .. }) => conditions.flood_e += value * full_well_e,
+        FrameFault::Image(ImageFault::MissingStars { share }) => {
             conditions.missing.share = 1.0 - (1.0 - conditions.missing.share) * (1.0 - share);
             conditions.missing.stream = u32::from(timed.number);
         }
-        FrameFault::MissingBrightStars { count } => conditions.missing.brightest += count as usize,
-        FrameFault::Protons(storm) => conditions.protons = Some(flux(storm)),
-        FrameFault::FalseStars { .. } => {
+        FrameFault::Image(ImageFault::MissingBrightStars { count }) => conditions.missing.brightest += count as usize,
+        FrameFault::Image(ImageFault::Protons(storm)) => conditions.protons = Some(flux(storm)),
+        FrameFault::Image(ImageFault::FalseStars { .. }) => {
             let space = FALSE_STARS_MAX.saturating_sub(conditions.false_stars.len());
             conditions.false_stars.extend_from_slice(&false_stars[..false_stars.len().min(space)]);
         }
         // These faults act on the detector or on the finished frame.
-        FrameFault::Drop
-        | FrameFault::Duplicate
-        | FrameFault::Late(_)
-        | FrameFault::Torn
-        | FrameFault::Blank
-        | FrameFault::BitFlip { .. }
-        | FrameFault::Pixels { .. } => {}
+        FrameFault::Sending(_)
+        | FrameFault::Image(ImageFault::Blank | ImageFault::BitFlip { .. })
+        | FrameFault::Camera(CameraFault::Pixels { .. }) => {}
     }
 }
 
@@ -438,7 +417,7 @@ fn defect_places(spots: DefectSpots, size: [usize; 2], stream: u32, seed: u64) -
 }
 
 /// Makes optics in place of spare ones, or more of them; returns their index.
-fn new_optics(engine: &mut FrameEngine, spare: Option<usize>, psf: PsfModel) -> Result<usize, RunError> {
+fn new_optics(engine: &mut FrameEngine, spare: Option<usize>, psf: PsfModel) -> Result<usize> {
     match spare {
         Some(number) => engine.replace_optics(number, psf).map(|()| number),
         None => engine.add_optics(psf),
@@ -467,6 +446,66 @@ fn add_false_stars(
         let mag = mag as f32;
         out.push(Source { id, electrons, mag, place: SourcePlace::Pixel(px) });
     }
+}
+
+/// Sets every pixel that is read out to the black level, and removes all sources from the truth.
+pub(super) fn blank(frame: &mut SentFrame) {
+    let black = frame.meta.black_level_dn.round().clamp(0.0, f64::from(u16::MAX));
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+    frame.image.pixels_mut().fill(black as u16);
+    frame.meta.regions.clear_outside(&mut frame.image);
+    frame.truth.clear();
+    frame.targets.clear();
+}
+
+/// Amount of the previous image that a frame shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Repeated {
+    Nothing,
+    UpperHalf,
+    All,
+}
+
+/// Copies all or half of the previous image into the frame, and keeps the frame's own image for the next one.
+pub(super) fn repeat(repeated: Repeated, frame: &mut SentFrame, previous: &mut Vec<u16>) {
+    let pixels = frame.image.pixels_mut();
+    if previous.len() != pixels.len() {
+        previous.clear();
+        previous.extend_from_slice(pixels);
+        return;
+    }
+    let count = match repeated {
+        Repeated::All => pixels.len(),
+        Repeated::UpperHalf => pixels.len() / 2,
+        Repeated::Nothing => 0,
+    };
+    pixels[..count].swap_with_slice(&mut previous[..count]);
+    if repeated != Repeated::All {
+        previous[count..].copy_from_slice(&pixels[count..]);
+    }
+}
+
+/// Flips one bit of some pixels; random pixels are new in every frame.
+pub(super) fn flip(bit: u8, pixels: FaultPixels, stream: u32, frame: &mut SentFrame) {
+    let (number, seed) = (frame.meta.number, frame.meta.seed);
+    let (width, height) = (frame.image.width(), frame.image.height());
+    let mask = 1_u16.checked_shl(u32::from(bit)).unwrap_or(0);
+    let given = pixels.at.map(|[x, y]| [x as usize, y as usize]);
+    let random = (0..pixels.random).map(|i| {
+        let [a, b, ..] = philox([number, i, stream, FAULT_STREAM], key(seed));
+        [scaled(a, width), scaled(b, height)]
+    });
+    let out = frame.image.pixels_mut();
+    for [x, y] in given.into_iter().chain(random).filter(|[x, y]| *x < width && *y < height) {
+        out[y * width + x] ^= mask;
+    }
+    frame.meta.regions.clear_outside(&mut frame.image);
+}
+
+/// Returns a random whole number below `below`.
+#[allow(clippy::cast_possible_truncation, reason = "the high half of a product is below `below`")]
+pub(super) fn scaled(word: u32, below: usize) -> usize {
+    ((u64::from(word) * below as u64) >> 32) as usize
 }
 
 #[cfg(test)]

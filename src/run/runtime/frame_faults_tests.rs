@@ -16,7 +16,7 @@ fn at(ns: i64) -> Tai {
 #[test]
 fn a_torn_frame_has_the_upper_half_of_the_one_before() {
     let mut faults = FrameFaults::default();
-    faults.add(at(5), at(9), FrameFault::Torn);
+    faults.add(at(5), at(9), FrameFault::Sending(SendingFault::Torn));
     let mut first = frame();
     faults.spoil(&Fate::SEND, &mut first);
     let mut second = frame();
@@ -32,7 +32,7 @@ fn a_torn_frame_has_the_upper_half_of_the_one_before() {
 #[test]
 fn a_repeated_frame_is_the_one_before() {
     let mut faults = FrameFaults::default();
-    faults.add(at(5), at(9), FrameFault::Duplicate);
+    faults.add(at(5), at(9), FrameFault::Sending(SendingFault::Duplicate));
     faults.spoil(&Fate::SEND, &mut frame());
     let repeated = Fate { repeated: Repeated::All, ..Fate::SEND };
     let mut second = frame();
@@ -58,7 +58,7 @@ fn a_blank_frame_is_black_and_has_no_truth() {
 fn a_fault_waits_for_its_trigger_and_comes_again_with_the_next() {
     let mut faults = FrameFaults::default();
     let begin = Begin::OnTrigger { number: 3, delay: Span::from_ns(10) };
-    let waiting = faults.arm(begin, Span::from_ns(5), FrameFault::Blank, 1);
+    let waiting = faults.arm(begin, Span::from_ns(5), FrameFault::Image(ImageFault::Blank), 1);
     assert_eq!(faults.timed()[waiting].from, NEVER);
     assert_eq!(faults.fire_trigger(2, at(100)), 0, "another trigger");
     assert_eq!(faults.timed()[waiting].from, NEVER);
@@ -72,7 +72,7 @@ fn a_fault_waits_for_its_trigger_and_comes_again_with_the_next() {
 fn one_bit_of_the_pixels_asked_for_is_the_other_way() {
     let mut faults = FrameFaults::default();
     let pixels = FaultPixels { at: Some([1, 2]), random: 2 };
-    let flip = faults.add(at(5), at(9), FrameFault::BitFlip { bit: 3, pixels });
+    let flip = faults.add(at(5), at(9), FrameFault::Image(ImageFault::BitFlip { bit: 3, pixels }));
     let mut whole = frame();
     faults.spoil(&Fate::SEND, &mut whole);
     assert_eq!(whole.image.pixels(), [7; 16], "not yet");
@@ -109,7 +109,7 @@ fn false_stars_lie_where_they_were_put_and_on_the_detector() {
 
 #[test]
 fn a_ramp_has_its_ends_and_its_middle() {
-    let ramp = FrameFault::StrayLightRamp { from_e_per_s: 100.0, to_e_per_s: 300.0 };
+    let ramp = FrameFault::Image(ImageFault::StrayLightRamp { from_e_per_s: 100.0, to_e_per_s: 300.0 });
     for (share, wanted) in [(0.0, 100.0), (0.5, 200.0), (1.0, 300.0)] {
         assert!((ramp.amount(share).value - wanted).abs() < 1e-9);
     }

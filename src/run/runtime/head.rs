@@ -1,10 +1,17 @@
 //! One camera head of a run, on either clock and in a replay.
+//!
+//! The camera heads of a loop and the camera commands of the flight computer: what each head can do goes to the receiver,
+//! and the commands that it accepts to their heads.
 
 use crate::runtime::frame_faults::{Fate, FrameFaults};
-use crate::runtime::{engine::FrameEngine, error::RunError, ledger::Ledger, receiver::Receiver, slot::Slot};
+use crate::runtime::{
+    engine::FrameEngine, error::Result, exposing::Exposing, ledger::Ledger, receiver::Receiver, slot::Slot,
+};
 use base::axes::{Body, Rotation, Sensor};
+use firmware_protocol::{Message, message::Request};
 use frames::report::StageTimes;
 use frames::sink::{NullSink, SentFrame, Sink, TapEnd};
+use link::Input;
 use outputs::display::calibration::Calibration;
 
 /// One camera head of a run.
@@ -51,7 +58,7 @@ impl Head {
         receiver: &mut Receiver,
         ledger: &mut Ledger,
         frame: &mut SentFrame,
-    ) -> Result<Option<(Fate, StageTimes)>, RunError> {
+    ) -> Result<Option<(Fate, StageTimes)>> {
         let Self { engine, faults, .. } = self;
         receiver.fire_triggers(engine.head(), slot, ledger, &mut |fired| {
             faults.fire_trigger(fired.number, fired.at);
@@ -59,5 +66,28 @@ impl Head {
         let fate = faults.begin(slot, engine, ledger);
         let exposed = engine.expose(slot, receiver, ledger, frame)?;
         Ok(exposed.map(|times| (fate, times)))
+    }
+}
+
+/// Passes the capabilities of every head to the receiver, if the message concerns cameras.
+pub(super) fn show_cameras<'a>(heads: impl Iterator<Item = &'a Exposing>, receiver: &mut Receiver, input: &Input) {
+    let Input::Message(Message::Command(command)) = input else { return };
+    if matches!(command.request, Request::Camera(_) | Request::CameraTrigger(_)) {
+        heads.enumerate().for_each(|(number, exposing)| receiver.session.cameras.see(number, exposing.view()));
+    }
+}
+
+/// Passes the commands that the receiver accepted to their heads; `exposing` returns the exposures of a head.
+pub(super) fn give_commands<H>(
+    heads: &mut [H],
+    exposing: impl Fn(&mut H) -> &mut Exposing,
+    receiver: &mut Receiver,
+    ledger: &mut Ledger,
+) {
+    while let Some((number, commanded)) = receiver.session.cameras.take() {
+        if let Some(head) = heads.get_mut(number) {
+            // The same range was checked before; a refusal here is still recorded as an event.
+            let _noted = exposing(head).take(&commanded, ledger);
+        }
     }
 }

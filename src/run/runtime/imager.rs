@@ -2,28 +2,15 @@
 
 use base::image::{DnImage, Image};
 use base::{clock::Stopwatch, refused::Refused, region::Regions, time::Span};
+use config::Backend;
 use frames::report::{Stage, StageTimes};
 use image::detector::{Detector, DetectorConditions, DetectorParams, PoissonMethod};
 use image::gpu::{AdapterChoice, Electrons, GpuDevice};
-use image::render::Backend;
+use image::render::Backend as Renderer;
 use image::render::{cpu::Cpu, gpu::Gpu, gpu::brighter::Brighter, overlap::Apart, reference::Reference};
 use image::{detector::disturbances::Disturbances, detector::gpu::GpuDetector};
 use plan::exposure::{ExposurePlan, cost::CostModel};
 use std::sync::Arc;
-
-/// Backend requested by the user.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum BackendChoice {
-    /// A hardware GPU when there is one, else the CPU.
-    #[default]
-    Auto,
-    /// The GPU (software Vulkan counts), or an error.
-    Gpu,
-    /// The CPU.
-    Cpu,
-    /// The f64 reference.
-    Reference,
-}
 
 /// A backend and the detector behind it.
 pub struct Imager {
@@ -43,7 +30,7 @@ pub struct Imager {
 #[allow(clippy::vec_box, reason = "others change places with the one in use")]
 enum Drawing {
     /// In memory, by the CPU or reference backend.
-    Host { backend: Box<dyn Backend>, others: Vec<Box<dyn Backend>>, detector: Box<Detector> },
+    Host { backend: Box<dyn Renderer>, others: Vec<Box<dyn Renderer>>, detector: Box<Detector> },
     /// On a GPU; `mean` holds the mean image when it is requested.
     Device {
         backend: Box<Gpu>,
@@ -100,7 +87,7 @@ impl Imager {
     ///
     /// # Errors
     /// When a GPU was requested and is unavailable, or it cannot use the detector's Poisson method.
-    pub fn new(choice: BackendChoice, params: DetectorParams, size_px: [usize; 2], seed: u64) -> Result<Self, Refused> {
+    pub fn new(choice: Backend, params: DetectorParams, size_px: [usize; 2], seed: u64) -> Result<Self, Refused> {
         let [width, height] = size_px;
         Self::of_detector(choice, Detector::new(params, width, height, seed))
     }
@@ -109,23 +96,23 @@ impl Imager {
     ///
     /// # Errors
     /// When a GPU was requested and is unavailable, or it cannot use the detector's Poisson method.
-    pub fn of_detector(choice: BackendChoice, detector: Detector) -> Result<Self, Refused> {
+    pub fn of_detector(choice: Backend, detector: Detector) -> Result<Self, Refused> {
         let (params, size_px) = (*detector.params(), detector.size_px());
         let [width, height] = size_px;
         match choice {
-            BackendChoice::Cpu => {
+            Backend::Cpu => {
                 Ok(Self::on_host(Box::new(Cpu::new(width, height)), detector, size_px, CostModel::CPU, None))
             }
-            BackendChoice::Reference => {
+            Backend::Reference => {
                 let backend = Box::new(Reference::new(width, height));
                 Ok(Self::on_host(backend, detector, size_px, CostModel::REFERENCE, None))
             }
-            BackendChoice::Gpu => Self::on_device(GpuDevice::open(&AdapterChoice::Best)?, &detector, size_px),
-            BackendChoice::Auto if params.poisson != PoissonMethod::Auto => {
+            Backend::Gpu => Self::on_device(GpuDevice::open(&AdapterChoice::Best)?, &detector, size_px),
+            Backend::Auto if params.poisson != PoissonMethod::Auto => {
                 let note = format!("only the CPU draws shot noise by \"{}\": using the CPU backend", params.poisson);
                 Ok(Self::on_host(Box::new(Cpu::new(width, height)), detector, size_px, CostModel::CPU, Some(note)))
             }
-            BackendChoice::Auto => {
+            Backend::Auto => {
                 let note = match GpuDevice::open(&AdapterChoice::Best) {
                     Ok(gpu) if !gpu.is_software() => return Self::on_device(gpu, &detector, size_px),
                     Ok(gpu) => {
@@ -139,7 +126,7 @@ impl Imager {
     }
 
     fn on_host(
-        backend: Box<dyn Backend>,
+        backend: Box<dyn Renderer>,
         detector: Detector,
         size_px: [usize; 2],
         cost: CostModel,
@@ -225,7 +212,7 @@ impl Imager {
         self.apart.as_ref().map_or(0.0, |apart| apart.lost_e())
     }
 
-    fn backend(&self) -> &dyn Backend {
+    fn backend(&self) -> &dyn Renderer {
         match &self.drawing {
             Drawing::Host { backend, .. } => &**backend,
             Drawing::Device { backend, .. } => &**backend,

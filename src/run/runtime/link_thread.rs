@@ -3,18 +3,26 @@
 //!
 //! In: ports. Out: messages stamped where they arrived, with the port they came by. When a queue is full, messages are
 //! lost and counted: the threads never block on a full queue. Counters of a port are published after each packet.
+//!
+//! Messages of the receiving threads to the frame thread.
+//!
+//! The thread that listens to the trigger lines of one GPIO chip.
+//!
+//! In: the lines, and the heads that they trigger. Out: edges with their instants in the queue of the receiving
+//! threads, so that an edge wakes the frame thread as a message does. When the queue is full an edge is lost and
+//! counted; so are those that the kernel dropped. Tests: `hil_scripts/test_triggers.py`.
 
-use crate::runtime::edge_thread::{EdgeThread, TriggerChip};
+use crate::runtime::error::{Result, RunError};
 use crate::runtime::hygiene::{Hygiene, Role};
+use crate::runtime::plant_queue::PlantSample;
 use crate::runtime::port_reading::{PortReading, SharedReading};
-use crate::runtime::{error::RunError, plant_sample::PlantSample, received::Received};
 use base::clock::{Clock, PairedReading};
-use base::time::Span;
+use base::time::{Span, Tai};
 use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use crossbeam_channel::{Receiver as Queue, RecvTimeoutError, Sender, bounded, select};
 use firmware_protocol::Message;
-use link::pps::Pps;
-use link::{Polled, Port, Stamped};
+use link::{Input, Polled, Port, Stamped};
+use link::{gpio::GpioChip, pps::Pps};
 use std::{sync::Arc, thread::JoinHandle, time::Duration};
 
 /// Messages between the receiving threads and the frame thread: 0.3 s of a full 1 Mbit/s bus and a full 3 Mbaud line.
@@ -33,17 +41,61 @@ pub(super) struct LinkThreads {
     /// Samples of an external plant; `None` when no socket delivers any.
     samples: Option<Queue<Stamped<PlantSample>>>,
     stations: Vec<Station>,
-    pulses: Option<PulseThread>,
+    pulses: Option<InputThread<()>>,
     chips: Vec<EdgeThread>,
+}
+
+/// A thread that brings input; it ends when this is dropped, so that a run that could not start leaves none behind.
+struct InputThread<T> {
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<T>>,
+}
+
+impl<T: Send + 'static> InputThread<T> {
+    /// Starts a thread that runs `listen` until its argument is true.
+    fn start(
+        name: &'static str,
+        hygiene: Option<Arc<Hygiene>>,
+        listen: impl FnOnce(&AtomicBool) -> T + Send + 'static,
+    ) -> Result<Self> {
+        let stop = Arc::<AtomicBool>::default();
+        let stopped = Arc::clone(&stop);
+        let run = move || {
+            if let Some(hygiene) = hygiene {
+                hygiene.enter(Role::Link);
+            }
+            listen(&stopped)
+        };
+        let thread = std::thread::Builder::new().name(name.into()).spawn(run);
+        Ok(Self { stop, thread: Some(thread.map_err(|source| RunError::Thread { name, source })?) })
+    }
+}
+
+impl<T> InputThread<T> {
+    /// Returns true when the thread has ended by itself: otherwise it runs until this is dropped.
+    fn is_lost(&self) -> bool {
+        self.thread.as_ref().is_none_or(JoinHandle::is_finished)
+    }
+
+    /// Ends the thread and returns its result; `None` when it was ended before.
+    fn finish(&mut self) -> Option<std::thread::Result<T>> {
+        self.stop.store(true, Ordering::Relaxed);
+        self.thread.take().map(JoinHandle::join)
+    }
+}
+
+impl<T> Drop for InputThread<T> {
+    fn drop(&mut self) {
+        let _no_one_asks = self.finish();
+    }
 }
 
 /// One port's thread.
 struct Station {
+    thread: InputThread<Result<PortReading>>,
     to_send: Sender<Message>,
     send_overflows: AtomicU64,
     shared: Arc<SharedReading>,
-    stop: Arc<AtomicBool>,
-    thread: Option<JoinHandle<Result<PortReading, RunError>>>,
 }
 
 impl LinkThreads {
@@ -58,9 +110,9 @@ impl LinkThreads {
         chips: Vec<TriggerChip>,
         clock: &Arc<dyn Clock>,
         hygiene: Option<&Arc<Hygiene>>,
-    ) -> Result<Self, RunError> {
+    ) -> Result<Self> {
         let (arrived, received) = bounded(RECEIVE_QUEUE);
-        let pulses = pulses.map(|pulses| PulseThread::start(pulses, arrived.clone(), clock)).transpose()?;
+        let pulses = pulses.map(|pulses| look_for_pulses(pulses, arrived.clone(), clock)).transpose()?;
         let edges = |chip| EdgeThread::start(chip, arrived.clone(), clock, hygiene.map(Arc::clone));
         let chips = chips.into_iter().map(edges).collect::<Result<_, _>>()?;
         let mut link_thread = Self { received, samples, stations: Vec::with_capacity(ports.len()), pulses, chips };
@@ -112,27 +164,27 @@ impl LinkThreads {
 
     /// Returns whether a thread has ended early.
     pub(super) fn is_finished(&self) -> bool {
-        self.stations.iter().any(|station| station.thread.as_ref().is_none_or(JoinHandle::is_finished))
+        self.stations.iter().any(|station| station.thread.is_lost())
     }
 
     /// Returns true when the thread that looks for pulses has ended early.
     pub(super) fn has_lost_pulses(&self) -> bool {
-        self.pulses.as_ref().is_some_and(PulseThread::is_lost)
+        self.pulses.as_ref().is_some_and(InputThread::is_lost)
     }
 
     /// Returns true when a thread that listens to trigger lines has ended early.
     pub(super) fn has_lost_chips(&self) -> bool {
-        self.chips.iter().any(EdgeThread::is_lost)
+        self.chips.iter().any(|chip| chip.thread.is_lost())
     }
 
     /// Returns edges of trigger lines that were lost so far.
     pub(super) fn lost_edges(&self) -> u64 {
-        self.chips.iter().map(EdgeThread::lost_edges).sum()
+        self.chips.iter().map(|chip| chip.lost.load(Ordering::Relaxed)).sum()
     }
 
     /// Returns how often the numbers of trigger lines went back so far.
     pub(super) fn line_restarts(&self) -> u64 {
-        self.chips.iter().map(EdgeThread::restarts).sum()
+        self.chips.iter().map(|chip| chip.restarts.load(Ordering::Relaxed)).sum()
     }
 
     /// Ends the threads; returns the counters of the ports, and why a thread ended early.
@@ -156,38 +208,21 @@ impl LinkThreads {
 }
 
 impl Station {
-    fn start(own: Own, hygiene: Option<Arc<Hygiene>>) -> Result<Self, RunError> {
+    fn start(own: Own, hygiene: Option<Arc<Hygiene>>) -> Result<Self> {
         let (to_send, outgoing) = bounded::<Message>(SEND_QUEUE);
-        let (stop, shared) = (Arc::new(AtomicBool::new(false)), Arc::new(SharedReading::default()));
-        let (stopped, published) = (Arc::clone(&stop), Arc::clone(&shared));
-        let listen = move || {
-            if let Some(hygiene) = hygiene {
-                hygiene.enter(Role::Link);
-            }
-            own.listen(&outgoing, &stopped, &published)
-        };
-        let thread = std::thread::Builder::new().name("link".into()).spawn(listen);
-        let thread = Some(thread.map_err(|source| RunError::Thread { name: "link", source })?);
-        Ok(Self { to_send, send_overflows: AtomicU64::new(0), shared, stop, thread })
+        let shared = Arc::<SharedReading>::default();
+        let published = Arc::clone(&shared);
+        let thread = InputThread::start("link", hygiene, move |stop| own.listen(&outgoing, stop, &published))?;
+        Ok(Self { thread, to_send, send_overflows: AtomicU64::new(0), shared })
     }
 
     fn reading(&self) -> PortReading {
         PortReading { send_overflows: self.send_overflows.load(Ordering::Relaxed), ..self.shared.read() }
     }
 
-    fn finish(&mut self) -> Result<PortReading, RunError> {
-        self.stop.store(true, Ordering::Relaxed);
+    fn finish(&mut self) -> Result<PortReading> {
         let lost = || RunError::ThreadLost { name: "link" };
-        self.thread.take().ok_or_else(lost)?.join().map_err(|_panicked| lost())?
-    }
-}
-
-impl Drop for Station {
-    /// Ends the threads, so that a run that could not start leaves none behind.
-    fn drop(&mut self) {
-        if self.thread.is_some() {
-            let _no_one_asks = self.finish();
-        }
+        self.thread.finish().ok_or_else(lost)?.map_err(|_panicked| lost())?
     }
 }
 
@@ -200,12 +235,7 @@ struct Own {
 }
 
 impl Own {
-    fn listen(
-        mut self,
-        outgoing: &Queue<Message>,
-        stop: &AtomicBool,
-        shared: &SharedReading,
-    ) -> Result<PortReading, RunError> {
+    fn listen(mut self, outgoing: &Queue<Message>, stop: &AtomicBool, shared: &SharedReading) -> Result<PortReading> {
         let mut overflows = 0;
         while !stop.load(Ordering::Relaxed) {
             for message in outgoing.try_iter() {
@@ -226,40 +256,94 @@ impl Own {
     }
 }
 
-/// A thread that looks for pulses; it ends when this is dropped.
-struct PulseThread {
-    stop: Arc<AtomicBool>,
-    thread: Option<JoinHandle<()>>,
-}
-
-impl PulseThread {
-    fn start(mut pulses: Pps, arrived: Sender<Received>, clock: &Arc<dyn Clock>) -> Result<Self, RunError> {
-        let stop = Arc::new(AtomicBool::new(false));
-        let (stopped, clock) = (Arc::clone(&stop), Arc::clone(clock));
-        let look = move || {
-            while !stopped.load(Ordering::Relaxed) {
-                clock.sleep_until(clock.now() + PULSE_POLL);
-                if let Some(at) = pulses.poll(PairedReading::take(&*clock)) {
-                    let _a_pulse_lost_is_followed_by_another = arrived.try_send(Received::Pulse(at));
-                }
+/// Starts the thread that looks for pulses.
+fn look_for_pulses(mut pulses: Pps, arrived: Sender<Received>, clock: &Arc<dyn Clock>) -> Result<InputThread<()>> {
+    let clock = Arc::clone(clock);
+    InputThread::start("pps", None, move |stop| {
+        while !stop.load(Ordering::Relaxed) {
+            clock.sleep_until(clock.now() + PULSE_POLL);
+            if let Some(at) = pulses.poll(PairedReading::take(&*clock)) {
+                let _a_pulse_lost_is_followed_by_another = arrived.try_send(Received::Pulse(at));
             }
-        };
-        let thread = std::thread::Builder::new().name("pps".into()).spawn(look);
-        let thread = Some(thread.map_err(|source| RunError::Thread { name: "pps", source })?);
-        Ok(Self { stop, thread })
-    }
+        }
+    })
+}
 
-    /// Returns true when the thread has ended by itself: otherwise it runs until this is dropped.
-    fn is_lost(&self) -> bool {
-        self.thread.as_ref().is_none_or(JoinHandle::is_finished)
+/// Items that the receiving threads deliver.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Received {
+    /// A message.
+    Message {
+        /// Number of the port by which it came, from 0.
+        port: usize,
+        /// The message.
+        message: Stamped<Input>,
+    },
+    /// A pulse of the flight computer's clock at one of its whole seconds.
+    Pulse(Tai),
+    /// A sample that an external program sent over the control socket, and its arrival time.
+    Sample(Stamped<PlantSample>),
+    /// An edge of a trigger line.
+    Edge {
+        /// Number of the addressed head; `None`: all of them.
+        head: Option<usize>,
+        /// Time of the edge.
+        at: Tai,
+        /// True when the line became active.
+        is_active: bool,
+    },
+}
+
+/// The thread notices the end of the run within this time.
+const STOP_POLL: Span = Span::from_ms(50);
+
+/// One GPIO chip with lines that trigger heads.
+#[derive(Debug)]
+pub struct TriggerChip {
+    /// The open chip.
+    pub chip: GpioChip,
+    /// Number of the head that each of its lines triggers; `None`: all of them.
+    pub heads: Vec<Option<usize>>,
+}
+
+/// The thread that listens to one chip, with the edges that were lost and how often the numbers of a line went back.
+struct EdgeThread {
+    thread: InputThread<()>,
+    lost: Arc<AtomicU64>,
+    restarts: Arc<AtomicU64>,
+}
+
+impl EdgeThread {
+    fn start(
+        chip: TriggerChip,
+        arrived: Sender<Received>,
+        clock: &Arc<dyn Clock>,
+        hygiene: Option<Arc<Hygiene>>,
+    ) -> Result<Self> {
+        let [lost, restarts] = [0, 0].map(|none| Arc::new(AtomicU64::new(none)));
+        let (clock, counted) = (Arc::clone(clock), [Arc::clone(&lost), Arc::clone(&restarts)]);
+        let listen = move |stop: &AtomicBool| listen(chip, &arrived, &*clock, stop, &counted);
+        Ok(Self { thread: InputThread::start("gpio", hygiene, listen)?, lost, restarts })
     }
 }
 
-impl Drop for PulseThread {
-    fn drop(&mut self) {
-        self.stop.store(true, Ordering::Relaxed);
-        if let Some(thread) = self.thread.take() {
-            let _no_one_asks = thread.join();
+/// Listens until the run is over or the chip is gone; in the latter case the end of the thread is reported.
+fn listen(
+    TriggerChip { mut chip, heads }: TriggerChip,
+    arrived: &Sender<Received>,
+    clock: &dyn Clock,
+    stop: &AtomicBool,
+    [lost, restarts]: &[Arc<AtomicU64>; 2],
+) {
+    let mut overflows = 0;
+    while !stop.load(Ordering::Relaxed) {
+        let Ok(edge) = chip.wait(STOP_POLL, clock) else { return };
+        if let Some(edge) = edge {
+            let head = heads.get(edge.line).copied().flatten();
+            let got = Received::Edge { head, at: edge.at, is_active: edge.is_active };
+            overflows += u64::from(arrived.try_send(got).is_err());
+            lost.store(chip.counters().lost + overflows, Ordering::Relaxed);
+            restarts.store(chip.counters().restarts, Ordering::Relaxed);
         }
     }
 }
@@ -271,7 +355,7 @@ mod tests {
     fn link_thread_with(look: impl FnOnce() + Send + 'static) -> LinkThreads {
         let (_arrived, received) = bounded(1);
         let thread = std::thread::Builder::new().name("pps".into()).spawn(look).unwrap();
-        let pulses = PulseThread { stop: Arc::default(), thread: Some(thread) };
+        let pulses = InputThread { stop: Arc::default(), thread: Some(thread) };
         LinkThreads { received, samples: None, stations: Vec::new(), pulses: Some(pulses), chips: Vec::new() }
     }
 

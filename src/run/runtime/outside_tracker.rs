@@ -4,8 +4,11 @@
 //! reason why there is none, after the tracker's processing time. It sees pixels only, and has no gyro: it derives its
 //! rate from its last two attitudes. Frames come in order; the same frames give the same bits. Tests:
 //! `tests/closed_loop/lockstep.rs`.
+//!
+//! Converts camera requests of the built-in tracker to commands like those of any other client.
 
 use base::time::{Span, Tai};
+use frames::camera_control::{CameraCommand, CommandSource, Commanded};
 use frames::sink::SentFrame;
 use glam::DVec3;
 use std::{collections::VecDeque, sync::Arc};
@@ -79,4 +82,11 @@ impl OutsideTracker {
         let waiting = self.waiting.iter().rev().find(|(ready_at, _)| *ready_at <= now);
         waiting.map(|(_, output)| *output).or(self.ready)
     }
+}
+
+/// Returns the commands for a request that came at `now`.
+pub fn commands_of(wish: &CameraWish, now: Tai) -> impl Iterator<Item = Commanded> + use<> {
+    let at = wish.from.max(now);
+    let commands = [wish.regions.map(CameraCommand::Regions), wish.exposure.map(CameraCommand::Exposure)];
+    commands.into_iter().flatten().map(move |command| Commanded { command, at, from: CommandSource::Tracker })
 }

@@ -1,12 +1,11 @@
 //! All parameters of a run, checked before it starts.
 
-use crate::runtime::imager::BackendChoice;
 use base::axes::{Body, Rotation, Sensor};
 use base::time::{Span, Tai};
 use base::{accuracy::AccuracyBudget, refused::Refused};
-use config::DeadlinePolicy;
+use config::{AttitudeSettings, Backend, DeadlinePolicy, Overlap};
 use image::detector::Seeds;
-use plan::attitude::{EstimateLimits, HistoryLimits, JitterLine, RecordedJitter, RemoteClockLimits};
+use plan::attitude::{JitterLine, RecordedJitter};
 use plan::exposure::cost::CostModel;
 use plan::exposure::{Degradation, MethodChoice, Target};
 use scene::{SceneParams, camera::CameraParams, sky_targets::SkyTarget};
@@ -17,18 +16,8 @@ use std::path::PathBuf;
 /// Parameters of `plan::attitude`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AttitudeParams {
-    /// Prediction and the policy for a stopped stream.
-    pub estimate: EstimateLimits,
-    /// History of attitudes.
-    pub history: HistoryLimits,
-    /// History of sampled jitter.
-    pub jitter_history: HistoryLimits,
-    /// Largest distance in time from an exposure at which a jitter point is still used for it.
-    pub jitter_max_gap: Span,
-    /// Longest time that a frame waits for jitter samples that are under way, if its schedule allows it.
-    pub jitter_wait: Span,
-    /// Time correlation.
-    pub clock: RemoteClockLimits,
+    /// Prediction, histories, waiting and time correlation, with the policy of the clock that the run is on.
+    pub settings: AttitudeSettings,
     /// Jitter lines given as parameters, sensor axes, and the instant of their phases.
     pub jitter_lines: Vec<JitterLine>,
     /// Instant of the lines' phases.
@@ -50,8 +39,8 @@ pub struct RunParams {
     pub targets: Vec<Target>,
     /// Targets on the sky.
     pub sky_targets: Vec<SkyTarget>,
-    /// True when each pixel shows only the brighter of stars and targets; otherwise their photons add.
-    pub keeps_brighter: bool,
+    /// Rule for pixels where targets cover stars.
+    pub target_overlap: Overlap,
     /// Position of the observer.
     pub observer: Observer,
     /// True when the Sun's light deflection is applied to stars.
@@ -65,7 +54,7 @@ pub struct RunParams {
     /// Accuracy budget.
     pub budget: AccuracyBudget,
     /// Backend choice.
-    pub backend: BackendChoice,
+    pub backend: Backend,
     /// Method choice.
     pub method: MethodChoice,
     /// Cost constants measured on this machine; `None`: the backend's built-in ones, as always on the virtual clock.

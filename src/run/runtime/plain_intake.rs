@@ -8,7 +8,7 @@
 
 use super::{PORTS_MAX, Receiver};
 use crate::runtime::ledger::{Event, EventKind, Ledger};
-use crate::runtime::plant_sample::{PlantAttitude, PlantSample};
+use crate::runtime::plant_queue::{PlantAttitude, PlantSample};
 use base::axes::{Rotation, WRITTEN_NORM_TOLERANCE};
 use base::time::{Span, Tai};
 use firmware_protocol::Message;
@@ -67,7 +67,7 @@ impl Receiver {
     /// Returns the instant of a record. `None` before a clock of any epoch is known.
     fn plain_instant(&mut self, time: PlainTime, arrived: Tai, ledger: &mut Ledger) -> Option<Tai> {
         match time {
-            PlainTime::Arrival => Some(arrived - self.params.clock.constant_delay),
+            PlainTime::Arrival => Some(arrived - self.params.settings.clock.constant_delay),
             PlainTime::Tag(tag_ns) => {
                 self.take_tag(tag_ns, arrived, ledger);
                 self.clock.estimate().map(|estimate| estimate.to_tai(tag_ns))
@@ -80,12 +80,12 @@ impl Receiver {
     fn take_tag(&mut self, tag_ns: i64, arrived: Tai, ledger: &mut Ledger) {
         let newest_ns = self.plain_tags.map_or(tag_ns, |(_, newest_ns)| newest_ns);
         let behind = Span::from_ns(newest_ns.saturating_sub(tag_ns));
-        if behind > Span::ZERO && behind < self.params.clock.step {
+        if behind > Span::ZERO && behind < self.params.settings.clock.step {
             self.plain_tags = Some((tag_ns, newest_ns));
             return;
         }
         self.plain_tags = Some((tag_ns, tag_ns));
-        if let Some(change) = self.tag_rate.take(tag_ns, arrived, self.params.clock.most_drift) {
+        if let Some(change) = self.tag_rate.take(tag_ns, arrived, self.params.settings.clock.most_drift) {
             ledger.note(Event::new(EventKind::ClockRunsOff, arrived, None, change));
         }
         let before = self.clock.estimate();

@@ -36,11 +36,11 @@ impl Bench {
     }
 
     fn accepted(&self) -> u64 {
-        self.receiver.history().counts().accepted
+        self.receiver.history.counts().accepted
     }
 
     fn newest(&self) -> Tai {
-        self.receiver.history().newest().unwrap().at
+        self.receiver.history.newest().unwrap().at
     }
 
     fn count(&self, kind: EventKind) -> u64 {
@@ -108,7 +108,7 @@ fn overtaken_message_is_taken_and_its_tag_is_not_used_as_a_mark() {
         bench.send(10 * i, tag(late_ms));
     }
     assert_eq!((bench.accepted(), bench.count(EventKind::ClockStepped)), (50, 0));
-    assert_eq!(bench.receiver.history().counts().out_of_order, 10);
+    assert_eq!(bench.receiver.history.counts().out_of_order, 10);
 }
 
 #[test]

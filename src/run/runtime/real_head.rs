@@ -3,18 +3,31 @@
 //! In: a slot that has been released. Out: a frame on its way to the head's sink, or the reason why there is none, and
 //! the record of the slot. The frame thread takes the heads in turn; each has its own sink thread. Tests: as for
 //! `real_time`.
+//!
+//! Inputs of a run on the bench clock: its environment, its sources, and the form of orders.
+//!
+//! Parts that the camera heads of a run on the bench clock share: clock, receiver, receiving threads and answers; and how the results
+//! of a sink thread are recorded.
 
 use crate::runtime::delivery::{Delivery, FramePacket};
-use crate::runtime::real_shared::{Shared, take_back};
+use crate::runtime::error::{Result, RunError};
+use crate::runtime::link_thread::{LinkThreads, TriggerChip};
+use crate::runtime::reply::{Reply, ReportedFrame};
 use crate::runtime::{
-    error::RunError, frame_faults::Fate as Spoiling, head::Head, ledger::EventKind, real_parts::Setting,
-    record::RunRecord, slot::Slot,
+    frame_faults::Fate as Spoiling, head::Head, hygiene::Hygiene, ledger::EventKind, plant_queue::PlantSample,
+    port_reading::PortReading, receiver::Receiver, record::RunRecord, slot::Slot,
 };
+use base::clock::Clock;
 use base::time::{Span, Tai};
 use config::DeadlinePolicy;
-use frames::report::{Fate, FrameEnd, FrameRecord, MissCause, Stage, StageTimes};
+use core::{convert::Infallible, sync::atomic::AtomicBool};
+use crossbeam_channel::Receiver as Queue;
+use frames::report::{Fate, FrameEnd, FrameRecord, MissCause, RunLimits, Stage, StageTimes};
 use frames::sink::{FaultFlags, FrameMeta, SentFrame};
+use link::pps::Pps;
+use link::{Port, Stamped};
 use plan::attitude::PathOrigin;
+use std::sync::Arc;
 
 /// One head as the frame thread uses it.
 pub(super) struct RealHead<'a> {
@@ -36,7 +49,7 @@ impl<'a> RealHead<'a> {
         head: &'a mut Head,
         prototype: SentFrame,
         setting: &Setting<'_>,
-    ) -> Result<Self, RunError> {
+    ) -> Result<Self> {
         let delivery = Delivery::start(head.take_sink(), &prototype, setting.clock, setting.hygiene)?;
         let (spoiling, spare) = (Spoiling::SEND, None);
         Ok(Self { number, head, delivery, spoiling, spare, previous: prototype, has_previous: false })
@@ -50,7 +63,7 @@ impl<'a> RealHead<'a> {
         shared: &mut Shared<'_>,
         record: &mut RunRecord,
         progress: &mut dyn FnMut(usize, &SentFrame, &RunRecord),
-    ) -> Result<(), RunError> {
+    ) -> Result<()> {
         let spare = self.spare.take().or_else(|| self.delivery.take(|back| take_back(record, back)));
         let Some(mut frame_packet) = spare else {
             // A slot that started too late to be drawn, as after a pause of the whole program, is not missed because of
@@ -96,7 +109,7 @@ impl<'a> RealHead<'a> {
         frame: &mut SentFrame,
         shared: &mut Shared<'_>,
         record: &mut RunRecord,
-    ) -> Result<Option<StageTimes>, RunError> {
+    ) -> Result<Option<StageTimes>> {
         let exposed = self.head.draw(slot, shared.receiver, &mut record.ledger, frame);
         if matches!(exposed, Err(RunError::AttitudeStopped { .. })) && self.number == 0 {
             shared.announce_stop(slot.release);
@@ -141,7 +154,7 @@ impl<'a> RealHead<'a> {
         timed.origin = meta.origin.name();
         timed.horizon = meta.horizon;
         (timed.end_horizon, timed.jitter_missing) = (meta.end_horizon, meta.jitter_missing);
-        timed.pointing_bound_rad = self.head.engine.pointing_bound_rad();
+        timed.pointing_bound_rad = self.head.engine.pointing_bound_rad;
         timed.cause = if meta.faults.contains(FaultFlags::BLANK) {
             Some(MissCause::AwaitingAttitude)
         } else {
@@ -158,7 +171,7 @@ impl<'a> RealHead<'a> {
 
     /// Drops a frame on purpose: the flight computer gets its report, but the sinks do not get the frame.
     fn withhold(&mut self, mut frame_packet: FramePacket, shared: &mut Shared<'_>, record: &mut RunRecord) {
-        shared.announce(self.number, &frame_packet.frame.meta, self.head.engine.pointing_bound_rad());
+        shared.announce(self.number, &frame_packet.frame.meta, self.head.engine.pointing_bound_rad);
         self.head.faults.spoil(&self.spoiling, &mut frame_packet.frame);
         record.frames.dropped += 1;
         record.account.add(FrameEnd::Commanded, frame_packet.record.exposure_start);
@@ -174,7 +187,7 @@ impl<'a> RealHead<'a> {
         slot: Slot,
         shared: &mut Shared<'_>,
         record: &mut RunRecord,
-    ) -> Result<(), RunError> {
+    ) -> Result<()> {
         let policy = self.head.engine.params().deadline_policy;
         let lateness = frame_packet.frame.meta.lateness;
         if lateness > Span::ZERO && policy != DeadlinePolicy::Late {
@@ -186,7 +199,7 @@ impl<'a> RealHead<'a> {
             record.note(EventKind::Late, slot.due + lateness, slot.number, lateness);
             frame_packet.record.fate = Fate::Late;
         }
-        let end = end_of(self.head.engine.end_on_time(), self.spoiling.delay, lateness);
+        let end = end_of(self.head.engine.end_on_time, self.spoiling.delay, lateness);
         record.account.add(end, slot.exposure_start);
         self.spoil_and_send(frame_packet, shared, record)
     }
@@ -198,7 +211,7 @@ impl<'a> RealHead<'a> {
         slot: Slot,
         shared: &mut Shared<'_>,
         record: &mut RunRecord,
-    ) -> Result<(), RunError> {
+    ) -> Result<()> {
         let lateness = frame_packet.frame.meta.lateness;
         let at = slot.due + lateness;
         record.frames.late += 1;
@@ -211,7 +224,7 @@ impl<'a> RealHead<'a> {
             frame_packet.frame.meta.lateness = lateness;
             frame_packet.frame.meta.faults |= FaultFlags::FRAME_DUPLICATE;
             frame_packet.record.fate = Fate::Held;
-            shared.announce(self.number, &frame_packet.frame.meta, self.head.engine.pointing_bound_rad());
+            shared.announce(self.number, &frame_packet.frame.meta, self.head.engine.pointing_bound_rad);
             return self.send(frame_packet, Span::ZERO, shared.clock.now(), record);
         }
         let cause = frame_packet.record.cause.unwrap_or(MissCause::FramesBefore);
@@ -226,9 +239,9 @@ impl<'a> RealHead<'a> {
         mut frame_packet: FramePacket,
         shared: &mut Shared<'_>,
         record: &mut RunRecord,
-    ) -> Result<(), RunError> {
+    ) -> Result<()> {
         // The stimulator reports its own data before its frame is damaged.
-        shared.announce(self.number, &frame_packet.frame.meta, self.head.engine.pointing_bound_rad());
+        shared.announce(self.number, &frame_packet.frame.meta, self.head.engine.pointing_bound_rad);
         self.head.faults.spoil(&self.spoiling, &mut frame_packet.frame);
         if self.head.engine.params().deadline_policy == DeadlinePolicy::Hold {
             // A repeated frame equals the frame that went out, including its metadata.
@@ -239,13 +252,7 @@ impl<'a> RealHead<'a> {
     }
 
     /// Sends a frame `now`, or `delay` after it is due if a delay is given.
-    fn send(
-        &mut self,
-        mut frame_packet: FramePacket,
-        delay: Span,
-        now: Tai,
-        record: &mut RunRecord,
-    ) -> Result<(), RunError> {
+    fn send(&mut self, mut frame_packet: FramePacket, delay: Span, now: Tai, record: &mut RunRecord) -> Result<()> {
         frame_packet.not_before = (delay > Span::ZERO).then(|| frame_packet.record.due + delay);
         record.count_outgoing(&frame_packet.frame.meta);
         let meta = &frame_packet.frame.meta;
@@ -272,17 +279,12 @@ fn drop_slot(slot: Slot, timed: &mut FrameRecord, kind: EventKind, cause: MissCa
 
 /// Returns the end of a frame that goes out; a commanded delay does not make it late.
 pub(super) fn end_of(on_time: FrameEnd, commanded_delay: Span, lateness: Span) -> FrameEnd {
-    match on_time {
-        FrameEnd::OnTime | FrameEnd::AttitudeHeld if lateness > Span::ZERO => FrameEnd::Late,
-        FrameEnd::OnTime if commanded_delay > Span::ZERO => FrameEnd::Commanded,
-        FrameEnd::OnTime
-        | FrameEnd::AttitudeHeld
-        | FrameEnd::Late
-        | FrameEnd::Dropped
-        | FrameEnd::BlankAtStart
-        | FrameEnd::Blank
-        | FrameEnd::Commanded
-        | FrameEnd::NotExposed => on_time,
+    if matches!(on_time, FrameEnd::OnTime | FrameEnd::AttitudeHeld) && lateness > Span::ZERO {
+        FrameEnd::Late
+    } else if on_time == FrameEnd::OnTime && commanded_delay > Span::ZERO {
+        FrameEnd::Commanded
+    } else {
+        on_time
     }
 }
 
@@ -290,4 +292,81 @@ pub(super) fn end_of(on_time: FrameEnd, commanded_delay: Span, lateness: Span) -
 fn drawn(times: &StageTimes) -> Span {
     let stages = [Stage::Upload, Stage::Render, Stage::Detector, Stage::Readback];
     stages.into_iter().filter_map(|stage| times.get(stage)).fold(Span::ZERO, |sum, time| sum + time)
+}
+
+/// Environment of a run on the bench clock.
+pub struct Setting<'a> {
+    /// The bench clock.
+    pub clock: &'a Arc<dyn Clock>,
+    /// Set to true when the run is to end.
+    pub stop: &'a Arc<AtomicBool>,
+    /// Requests to the operating system; `None`: no requests.
+    pub hygiene: Option<&'a Arc<Hygiene>>,
+    /// Number of frames whose times are kept individually.
+    pub ring_frames: usize,
+    /// Limits of `[expect]`.
+    pub limits: RunLimits,
+    /// Orders for the frame thread, which executes them between two slots; `None`: no orders.
+    pub orders: Option<&'a Queue<FrameOrder>>,
+}
+
+/// An order that the frame thread executes before the slot that is released at the given instant, with all heads and their
+/// receiver. It may take long and allocate: frames that it delays are counted as late.
+pub type FrameOrder = Box<dyn FnOnce(&mut [&mut Head], &mut Receiver, &mut RunRecord, Tai) + Send>;
+
+/// Sources of a run on the bench clock: everything that brings input.
+pub struct Sources {
+    /// Ports of the bench; frames are reported on the first one.
+    pub ports: Vec<Port>,
+    /// Pulses of the flight computer's clock.
+    pub pulses: Option<Pps>,
+    /// Samples that an external program sends over the control socket; `None` without them.
+    pub samples: Option<Queue<Stamped<PlantSample>>>,
+    /// Chips with lines that trigger cameras.
+    pub chips: Vec<TriggerChip>,
+}
+
+impl From<Port> for Sources {
+    fn from(port: Port) -> Self {
+        Self { ports: vec![port], pulses: None, samples: None, chips: Vec::new() }
+    }
+}
+
+/// State shared by all heads.
+pub(super) struct Shared<'a> {
+    pub(super) clock: &'a dyn Clock,
+    pub(super) link_thread: &'a LinkThreads,
+    /// Readings of each port at the previous frame.
+    pub(super) readings: Vec<PortReading>,
+    /// Number of lost edges of trigger lines at the previous frame.
+    pub(super) lost_edges: u64,
+    /// Times the numbers of a trigger line went back before the last look.
+    pub(super) line_restarts: u64,
+    pub(super) reply: Reply,
+    pub(super) receiver: &'a mut Receiver,
+}
+
+impl Shared<'_> {
+    /// Reports a frame of a head to the flight computer.
+    pub(super) fn announce(&mut self, head: usize, meta: &FrameMeta, pointing_bound_rad: Option<f64>) {
+        let (now, rejects) = (self.clock.now(), PortReading::rejects_of_all(&self.readings));
+        let reported = ReportedFrame { meta, pointing_bound_rad, rejects: &rejects, now };
+        let Ok(()) = self.reply.report(head, &reported, self.receiver, |message| {
+            self.link_thread.send(0, message);
+            Ok::<(), Infallible>(())
+        });
+    }
+
+    /// Reports that no frame goes out because the stream of attitudes has stopped.
+    pub(super) fn announce_stop(&self, at: Tai) {
+        self.link_thread.send(0, self.reply.stopped(self.receiver, at));
+    }
+}
+
+/// Records the sink thread's results for a frame whose buffer comes back.
+pub(super) fn take_back(record: &mut RunRecord, frame_packet: &FramePacket) {
+    if frame_packet.delivered {
+        record.complete(&frame_packet.record);
+    }
+    record.note_losses(&frame_packet.losses, frame_packet.record.due);
 }

@@ -7,14 +7,14 @@
 //! starts at the release and not before; late frames are judged when finished, not when delivered (`[budget]` total is
 //! compared with delivery). Tests: `tests/closed_loop/{deadline,budget}.rs`, which assert no wall time.
 
+use crate::runtime::head::{Head, give_commands, show_cameras};
 use crate::runtime::ledger::{Event, EventKind};
-use crate::runtime::outcome::{RunOutcome, lines_of_head};
-use crate::runtime::real_parts::{FrameOrder, Setting, Sources};
-use crate::runtime::real_shared::{Shared, take_back};
+use crate::runtime::link_thread::{LinkThreads, Received};
+use crate::runtime::real_head::{FrameOrder, RealHead, Setting, Shared, Sources, take_back};
+use crate::runtime::record::{RunOutcome, RunRecord, lines_of_head};
 use crate::runtime::{
-    camera_heads, engine::FrameEngine, error::RunError, head::Head, hygiene::Role, link_thread::LinkThreads,
-    port_reading::PortReading, real_head::RealHead, received::Received, receiver::Receiver, record::RunRecord,
-    reply::Reply, shutter::NextSlot, slot::Slot,
+    engine::FrameEngine, error::Result, hygiene::Role, port_reading::PortReading, receiver::Receiver, reply::Reply,
+    shutter::NextSlot, slot::Slot,
 };
 use base::time::{Span, Tai};
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -96,7 +96,7 @@ fn start<'a>(
     setting: &Setting<'_>,
     heads: &'a mut [Head],
     sources: Sources,
-) -> Result<(Vec<RealHead<'a>>, LinkThreads), RunError> {
+) -> Result<(Vec<RealHead<'a>>, LinkThreads)> {
     let mut warm = Vec::with_capacity(heads.len());
     for head in heads {
         let camera = &head.engine.params().camera;
@@ -133,7 +133,7 @@ impl Bench<'_> {
         setting: &Setting<'_>,
         record: &mut RunRecord,
         progress: &mut dyn FnMut(usize, &SentFrame, &RunRecord),
-    ) -> Result<(), RunError> {
+    ) -> Result<()> {
         while let Some(release) = self.next_release() {
             let mut asked = self.shared.clock.now();
             let forecast = self.forecast();
@@ -159,9 +159,9 @@ impl Bench<'_> {
             let received = self.shared.clock.now() - begun;
             let mut is_first = true;
             for head in &mut self.heads {
-                let next = head.head.engine.exposing().next().slot().filter(|slot| slot.release == release);
+                let next = head.head.engine.exposing.next().slot().filter(|slot| slot.release == release);
                 let Some(slot) = next else { continue };
-                head.head.engine.exposing_mut().begin(&mut record.ledger);
+                head.head.engine.exposing.begin(&mut record.ledger);
                 let mut timed =
                     FrameRecord::released(slot.number, [slot.exposure_start, slot.release, slot.due], [asked, begun]);
                 timed.head = head.number;
@@ -183,7 +183,7 @@ impl Bench<'_> {
     /// Returns the next release of any head, or the end of a wait for triggers; `None` when all heads are over.
     fn next_release(&self) -> Option<Tai> {
         let now = self.shared.clock.now();
-        let left = self.heads.iter().map(|head| head.head.engine.exposing().next()).filter(|next| !next.is_over(now));
+        let left = self.heads.iter().map(|head| head.head.engine.exposing.next()).filter(|next| !next.is_over(now));
         let release = |next: NextSlot| match next {
             NextSlot::Slot(slot) => Some(slot.release),
             // Wake up earlier to look for orders and commands.
@@ -196,15 +196,15 @@ impl Bench<'_> {
     /// Accepts commands from clients of the cameras; returns true when the next release has moved.
     fn poll_desks(&mut self, record: &mut RunRecord) -> bool {
         let (before, now) = (self.forecast(), self.shared.clock.now());
-        for head in self.heads.iter_mut().filter(|head| head.head.engine.exposing().has_desks()) {
-            head.head.engine.exposing_mut().poll(now, &mut record.ledger);
+        for head in self.heads.iter_mut().filter(|head| head.head.engine.exposing.has_desks()) {
+            head.head.engine.exposing.poll(now, &mut record.ledger);
         }
         self.forecast() != before
     }
 
     /// Returns the earliest known release.
     fn forecast(&self) -> Option<Tai> {
-        let slots = self.heads.iter().filter_map(|head| head.head.engine.exposing().next().slot());
+        let slots = self.heads.iter().filter_map(|head| head.head.engine.exposing.next().slot());
         slots.map(|slot| slot.release).min()
     }
 
@@ -266,12 +266,12 @@ impl Bench<'_> {
     /// Returns the engines with a slot that is released at this instant, and that slot.
     fn released(&self, release: Tai) -> impl Iterator<Item = (&FrameEngine, Slot)> {
         let engines = self.heads.iter().map(|head| &head.head.engine);
-        let slots = engines.filter_map(|engine| Some((engine, engine.exposing().next().slot()?)));
+        let slots = engines.filter_map(|engine| Some((engine, engine.exposing.next().slot()?)));
         slots.filter(move |(_, slot)| slot.release == release)
     }
 
     fn has_desks(&self) -> bool {
-        self.heads.iter().any(|head| head.head.engine.exposing().has_desks())
+        self.heads.iter().any(|head| head.head.engine.exposing.has_desks())
     }
 
     /// Accepts everything that has arrived, without waiting, and updates the state of the ports.
@@ -307,16 +307,16 @@ impl Bench<'_> {
                 let commanded = Commanded { command, at: *at, from: CommandSource::Line };
                 for head in heads.iter_mut().filter(|head| for_head.is_none_or(|number| number == head.number)) {
                     // A refused command is recorded as an event.
-                    let _noted = head.head.engine.exposing_mut().take(&commanded, ledger);
+                    let _noted = head.head.engine.exposing.take(&commanded, ledger);
                 }
             }
             Received::Message { port, message } => {
-                let exposings = heads.iter().map(|head| head.head.engine.exposing());
-                camera_heads::show(exposings, receiver, &message.value);
+                let exposings = heads.iter().map(|head| &head.head.engine.exposing);
+                show_cameras(exposings, receiver, &message.value);
                 if let Some(answer) = receiver.accept_input(*port, message, ledger) {
                     link_thread.send(*port, answer);
                 }
-                camera_heads::give(heads, |head| head.head.engine.exposing_mut(), receiver, ledger);
+                give_commands(heads, |head| &mut head.head.engine.exposing, receiver, ledger);
                 record.count_intake(clock.now() - message.at);
             }
         }

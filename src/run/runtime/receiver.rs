@@ -1,23 +1,25 @@
 //! Messages -> time correlation, attitude history, jitter history, triggers, answers to commands.
+//!
+//! Data that a receiver keeps for one head: its jitter, in the axes of its sensor, and inputs that every head takes by itself.
 
 use crate::runtime::ledger::{Event, EventKind, Ledger};
-use crate::runtime::plant_sample::{PlantAttitude, PlantSample};
-use crate::runtime::rate_check::{RateCheck, WINDOW};
-use crate::runtime::session::{Session, SessionParams};
-use crate::runtime::tag_rate::TagRate;
-use crate::runtime::{
-    camera_intake::CameraIntake, error::RunError, jitter_tables, mounting::Mounting, params::AttitudeParams,
-    per_head::PerHead, slot::Slot, triggers::FiredTrigger,
-};
-use base::axes::{Rotation, WRITTEN_NORM_TOLERANCE};
+use crate::runtime::plant_queue::{PlantAttitude, PlantSample};
+use crate::runtime::rate_check::{RateCheck, TagRate, WINDOW};
+use crate::runtime::session::{PerHead, Session};
+use crate::runtime::{error::Result, jitter_tables, params::AttitudeParams, slot::Slot, triggers::FiredTrigger};
+use base::axes::{Body, Rotation, Sensor, WRITTEN_NORM_TOLERANCE};
 use base::time::{Span, Tai};
 use base::units::{ARCSEC, RPM};
+use config::SessionParams;
 use firmware_protocol::message::{AttitudeRecord, Command, JitterBurst, JitterPair, Request, TimeFollowUp, Wheels};
 use firmware_protocol::ticks::{ticks_diff, wrapped};
 use firmware_protocol::{Message, handshake::Did};
 use glam::DVec3;
 use link::Stamped;
-use plan::attitude::{AttitudeHistory, AttitudeSample, ClockEstimate, Observed, ObservedPps, RemoteClock};
+use plan::attitude::{
+    AttitudeHistory, AttitudeSample, ClockEstimate, JitterHistory, JitterPoint, Observed, ObservedPps, RemoteClock,
+};
+use sky::observer::BarycentricState;
 use std::collections::VecDeque;
 
 /// Period of classic jitter pairs' samples.
@@ -43,14 +45,19 @@ pub struct PulseCounts {
 
 /// The receiving half of the stimulator: one for all heads of a run, each with its [`Mounting`].
 pub struct Receiver {
-    params: AttitudeParams,
-    clock: RemoteClock,
-    history: AttitudeHistory,
+    /// The parameters.
+    pub params: AttitudeParams,
+    /// The time correlation.
+    pub clock: RemoteClock,
+    /// The attitudes so far.
+    pub history: AttitudeHistory,
     mountings: PerHead<Mounting>,
-    session: Session,
+    /// The conversation with the flight computer.
+    pub session: Session,
     /// The last SYNC of each port that has not been reported.
     syncs: [Option<(u8, Tai)>; PORTS_MAX],
-    pulses: PulseCounts,
+    /// The counts of pulses per second so far.
+    pub pulses: PulseCounts,
     applied: Option<Tai>,
     newest_epoch: Option<Tai>,
     /// Tags of the newest attitudes with the instants they were converted to, by rising instant.
@@ -71,10 +78,10 @@ impl Receiver {
     ///
     /// # Errors
     /// When a jitter line is not finite.
-    pub fn new(params: AttitudeParams) -> Result<Self, RunError> {
+    pub fn new(params: AttitudeParams) -> Result<Self> {
         Ok(Self {
-            clock: RemoteClock::new(params.clock),
-            history: AttitudeHistory::new(params.history),
+            clock: RemoteClock::new(params.settings.clock),
+            history: AttitudeHistory::new(params.settings.history),
             mountings: PerHead::new(Mounting::new(&params)?),
             session: Session::new(SessionParams::default()),
             syncs: [None; PORTS_MAX],
@@ -104,7 +111,7 @@ impl Receiver {
     ///
     /// # Errors
     /// When a jitter line is not finite.
-    pub fn add_head(&mut self, params: &AttitudeParams) -> Result<(), RunError> {
+    pub fn add_head(&mut self, params: &AttitudeParams) -> Result<()> {
         self.mountings.push(Mounting::new(params)?);
         self.session.add_head();
         Ok(())
@@ -123,16 +130,6 @@ impl Receiver {
     /// Accepts triggers of this number from now on, because a fault or an event of the run waits for it.
     pub fn expect_trigger(&mut self, number: u16) {
         self.session.expect_trigger(number);
-    }
-
-    /// Returns the camera commands of the flight computer, for the loop that gives them to the heads.
-    pub fn cameras_mut(&mut self) -> &mut CameraIntake {
-        self.session.cameras_mut()
-    }
-
-    /// Returns the conversation with the flight computer.
-    pub fn session(&self) -> &Session {
-        &self.session
     }
 
     /// Returns the flight computer's triggers that act at or before `up_to`, by rising time, each once for each head.
@@ -156,26 +153,6 @@ impl Receiver {
     /// Detects heartbeats that have stopped.
     pub fn watch(&mut self, now: Tai, ledger: &mut Ledger) {
         self.session.watch(now, ledger);
-    }
-
-    /// Returns the attitudes so far.
-    pub fn history(&self) -> &AttitudeHistory {
-        &self.history
-    }
-
-    /// Returns the time correlation.
-    pub fn clock(&self) -> &RemoteClock {
-        &self.clock
-    }
-
-    /// Returns the counts of pulses per second so far.
-    pub fn pulses(&self) -> PulseCounts {
-        self.pulses
-    }
-
-    /// Returns the parameters.
-    pub fn params(&self) -> &AttitudeParams {
-        &self.params
     }
 
     /// Returns the number of messages taken in, all kinds.
@@ -238,7 +215,7 @@ impl Receiver {
         }
         let answer = self.session.answer(command, at, self.clock.estimate().as_ref(), ledger);
         if let Some(Did::Applied(table)) = answer.did {
-            let tables = self.session.tables();
+            let tables = &self.session.tables;
             let apply =
                 |head: &mut Mounting| jitter_tables::apply(table, tables, head.sensor_from_body, &mut head.jitter);
             let applied = self.mountings.each(apply);
@@ -251,7 +228,7 @@ impl Receiver {
     /// Accepts wheel speeds; they have no time tag and are valid at the time their message was sent.
     fn take_wheels(&mut self, wheels: &Wheels, at: Tai, ledger: &mut Ledger) {
         let rad_s = wheels.speed_rpm.map(|rpm| f64::from(rpm) * RPM);
-        let sent = at - self.params.clock.constant_delay;
+        let sent = at - self.params.settings.clock.constant_delay;
         if self.mountings.each(|head| head.jitter.wheel_speeds(rad_s, sent)).is_err() {
             ledger.note(Event::new(EventKind::SampleRefused, at, None, Span::ZERO));
         }
@@ -445,6 +422,68 @@ impl Receiver {
 
 #[path = "plain_intake.rs"]
 mod plain_intake;
+
+/// Capacity for observer states that wait for an exposure: 10 s of 100 Hz.
+const OBSERVERS: usize = 1024;
+
+/// Data that a receiver keeps for one head.
+#[derive(Debug)]
+pub struct Mounting {
+    /// Rotation to the axes of its sensor.
+    pub sensor_from_body: Rotation<Sensor, Body>,
+    /// The jitter so far.
+    pub jitter: JitterHistory,
+    /// End of the newest exposure that was drawn.
+    drawn_until: Option<Tai>,
+    /// Jitter samples that arrived after the exposure they belong to was drawn.
+    pub late_jitter: u64,
+    /// States of the observer for the next exposure.
+    observers: VecDeque<(Tai, BarycentricState)>,
+}
+
+impl Mounting {
+    pub(super) fn new(params: &AttitudeParams) -> Result<Self> {
+        let mut jitter = JitterHistory::new(params.settings.jitter_history, params.settings.jitter_max_gap);
+        jitter.set_lines(&params.jitter_lines, params.jitter_epoch)?;
+        if let Some(record) = &params.jitter_record {
+            jitter.set_record(record.clone());
+        }
+        let (sensor_from_body, observers) = (params.sensor_from_body, VecDeque::with_capacity(OBSERVERS));
+        Ok(Self { sensor_from_body, jitter, drawn_until: None, late_jitter: 0, observers })
+    }
+
+    /// Records that an exposure that ends at `until` is drawn: samples of it that arrive from now on are late.
+    pub fn note_drawn(&mut self, until: Tai) {
+        self.drawn_until = self.drawn_until.max(Some(until));
+    }
+
+    /// Returns the states of the observer that came since the last call, by arrival, each once.
+    pub fn take_observers(&mut self) -> impl Iterator<Item = (Tai, BarycentricState)> + use<'_> {
+        core::iter::from_fn(|| self.observers.pop_front())
+    }
+
+    /// Accepts a rotation about the body axes; returns false when it was refused.
+    pub(super) fn take_jitter(&mut self, at: Tai, body_rad: DVec3, arrived: Tai) -> bool {
+        let rotation_rad = self.sensor_from_body.apply(body_rad);
+        let is_taken = self.jitter.insert(JitterPoint { at, rotation_rad }, arrived).is_ok();
+        self.late_jitter += u64::from(is_taken && self.drawn_until.is_some_and(|until| at <= until));
+        is_taken
+    }
+
+    /// Accepts a state of the observer; returns false when too many wait.
+    pub(super) fn take_observer(&mut self, at: Tai, state: BarycentricState) -> bool {
+        let has_place = self.observers.len() < OBSERVERS;
+        if has_place {
+            self.observers.push_back((at, state));
+        }
+        has_place
+    }
+
+    /// Expects samples from `first` on.
+    pub(super) fn expect_stream(&mut self, first: Tai, period: Span, arrived: Tai) {
+        self.jitter.note_stream(first, period, arrived);
+    }
+}
 
 #[cfg(test)]
 #[path = "receiver_tests.rs"]

@@ -1,5 +1,6 @@
 use super::*;
 use base::units::NS_PER_S;
+use config::AttitudeSettings;
 use firmware_protocol::can::{Decoder, Format, IdMap, encode};
 use firmware_protocol::message::{AttitudeFlags, Scet, Sync, Trigger};
 use firmware_protocol::version::CURRENT;
@@ -12,12 +13,15 @@ const PERIOD_NS: i64 = NS_PER_S / 100;
 /// Returns the parameters of a receiver of these tests.
 pub(super) fn params() -> AttitudeParams {
     AttitudeParams {
-        estimate: EstimateLimits { policy: StalePolicy::Hold, ..EstimateLimits::default() },
-        history: HistoryLimits::default(),
-        jitter_history: HistoryLimits::default(),
-        jitter_max_gap: Span::from_ms(100),
-        jitter_wait: Span::from_ms(20),
-        clock: RemoteClockLimits::default(),
+        settings: AttitudeSettings {
+            estimate: EstimateLimits { policy: StalePolicy::Hold, ..EstimateLimits::default() },
+            history: HistoryLimits::default(),
+            jitter_history: HistoryLimits::default(),
+            jitter_max_gap: Span::from_ms(100),
+            jitter_wait: Span::from_ms(20),
+            policy_on_real_clock: StalePolicy::Drop,
+            clock: RemoteClockLimits::default(),
+        },
         jitter_lines: Vec::new(),
         jitter_epoch: Tai::from_ns(0),
         jitter_record: None,
@@ -104,7 +108,7 @@ impl Cable {
     }
 
     fn accepted(&self) -> u64 {
-        self.receiver.history().counts().accepted
+        self.receiver.history.counts().accepted
     }
 }
 
@@ -125,7 +129,7 @@ fn restarted_flight_computer_is_accepted_at_its_first_attitude_whatever_the_last
             }
             cable.send_mark();
             cable.send_attitude(0);
-            let taken = (cable.accepted(), cable.rejects, cable.receiver.history().len());
+            let taken = (cable.accepted(), cable.rejects, cable.receiver.history.len());
             assert_eq!(taken, (81, 0, 1), "after {last}, HELLO: {with_hello}");
             assert_eq!(cable.ledger.count(EventKind::ClockRestarted), 1);
             assert_eq!(cable.ledger.count(EventKind::SampleRefused), 0);
@@ -203,7 +207,7 @@ fn triggers_follow_a_stepped_clock_and_leave_a_restarted_one() {
             assert!(off.ns().abs() < 1_000_000, "{off:?} from SCET 140 s");
         }
         assert_eq!(cable.ledger.count(EventKind::TriggerForgotten), forgotten);
-        assert_eq!(cable.receiver.session().triggers().waiting(), 0, "no place is held for ever");
+        assert_eq!(cable.receiver.session.triggers().waiting(), 0, "no place is held for ever");
     }
 }
 
@@ -219,7 +223,7 @@ fn motion_that_no_spacecraft_makes_is_refused_and_counted() {
     cable.send_record(3, [0.0, 1.0, 0.0, 0.0], [0.0; 3]);
     cable.now_ns += 3 * PERIOD_NS;
     cable.send_record(4, [1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0]);
-    assert_eq!((cable.accepted(), cable.receiver.history().counts().too_fast), (2, 3));
+    assert_eq!((cable.accepted(), cable.receiver.history.counts().too_fast), (2, 3));
     assert_eq!(cable.ledger.count(EventKind::SampleRefused), 3);
 }
 
@@ -230,7 +234,7 @@ fn pairs_are_counted_since_the_start_and_those_left_out_by_reason() {
         cable.send_mark();
     }
     let counts = |cable: &Cable| {
-        let clock = cable.receiver.clock();
+        let clock = &cable.receiver.clock;
         (clock.pairs(), clock.late(), clock.outliers())
     };
     assert_eq!(counts(&cable), (500, 0, 0), "not those of a window");
@@ -255,7 +259,7 @@ fn samples_of_a_plant_outside_keep_double_precision_and_their_instants() {
     let sample =
         PlantSample { at: now, attitude: Some(attitude), jitter_rad: Some(DVec3::X * 1e-7), observer: Some(state) };
     assert!(cable.receiver.take_plant(&sample, now, &mut ledger));
-    let newest = cable.receiver.history().newest().unwrap();
+    let newest = cable.receiver.history.newest().unwrap();
     assert_eq!((newest.at, newest.rate_rad_s.z), (now, 1e-9));
     assert!(newest.body_from_icrf.rotation_vector_to(&turned).length() < 1e-15, "single precision would be 1e-8 off");
     assert_eq!(cable.receiver.mounting_mut(0).take_observers().collect::<Vec<_>>(), [(now, state)]);

@@ -1,15 +1,23 @@
 //! The record of a run: counts, histograms and events during the run; a summary at its end.
+//!
+//! The first word of a run's verdict while it goes on: no allocation, no text, for whoever watches.
+//!
+//! In: the record so far, with the limits of `[expect]`. Out: a word that is never better than the final one, except that
+//! what the bench promised and has not come up yet is not missing. Tests: `tests/closed_loop/verdicts.rs`.
+//!
+//! How a run ended.
 
 use crate::runtime::ledger::{Event, EventKind, Ledger};
-use crate::runtime::{engine::FrameEngine, port_reading::PortReading, receiver::Receiver, run_word::word_so_far};
+use crate::runtime::{engine::FrameEngine, error::RunError, port_reading::PortReading, receiver::Receiver};
 use base::drawn::{Degradation, FrameMethod, MethodName, PathOrigin};
 use base::time::{Span, Tai};
 use firmware_protocol::Reject;
 use frames::report::{
-    CountHistogram, EVENTS_MAX, EventLine, FrameAccount, FrameCounts, FrameRecord, FrameRing, LinkCounts, Machine,
-    NewestEvent, RunLimits, RunNumbers, RunSummary, Stage, StageHistogram, StageHistograms, StageTimes,
+    CountHistogram, EVENTS_MAX, EventLine, FrameAccount, FrameCounts, FrameRecord, FrameRing, LinkCounts, Losses,
+    Machine, NewestEvent, RunLimits, RunNumbers, RunSummary, RunWord, Stage, StageHistogram, StageHistograms,
+    StageTimes,
 };
-use frames::sink::{FaultFlags, FrameMeta, Loss, LossKind, SentFrame, SinkSummary};
+use frames::sink::{FaultFlags, FrameMeta, Loss, LossKind, SentFrame, SinkLine, SinkSummary};
 use std::collections::BTreeMap;
 
 /// The results of a run.
@@ -223,20 +231,20 @@ fn named<'a>(counts: impl Iterator<Item = (&'a str, u64)>) -> BTreeMap<String, u
 }
 
 fn link_counts(receiver: &Receiver, ports: &[PortReading]) -> LinkCounts {
-    let history = receiver.history().counts();
+    let history = receiver.history.counts();
     let mut counts = LinkCounts::default();
     let mut add = |name: &str, count: u64| counts.counters.insert(name.to_string(), count);
     add("attitudes_accepted", history.accepted);
     add("jitter_points_accepted", receiver.mounting(0).jitter.counts().accepted);
-    add("clock_pairs", receiver.clock().pairs());
+    add("clock_pairs", receiver.clock.pairs());
     for (number, port) in ports.iter().enumerate() {
         count_port(&mut counts, number, port);
     }
     counts.first_refused = ports.iter().find_map(|port| port.first_refused).map(|first| first.to_string());
-    let pulses = receiver.pulses();
-    let triggers = receiver.session().triggers().counts();
+    let pulses = receiver.pulses;
+    let triggers = receiver.session.triggers().counts();
     let sometimes = [
-        ("jitter_points_late", receiver.mounting(0).late_jitter()),
+        ("jitter_points_late", receiver.mounting(0).late_jitter),
         ("pulses_used", pulses.used),
         ("pulses_refused", pulses.refused),
         ("triggers_accepted", triggers.accepted),
@@ -266,7 +274,7 @@ fn link_counts(receiver: &Receiver, ports: &[PortReading]) -> LinkCounts {
         ("too_fast", history.too_fast),
         ("older_than_history", history.older_than_history),
     ];
-    let clock = receiver.clock();
+    let clock = &receiver.clock;
     let marks = [("late_time_mark", clock.late()), ("outlier_time_mark", clock.outliers())];
     for (name, count) in history.into_iter().chain(marks).filter(|(_, count)| *count > 0) {
         *counts.rejects.entry(name.into()).or_default() += count;
@@ -306,5 +314,128 @@ fn event_line(event: &Event) -> EventLine {
         } else {
             format!("{}, {:.3} ms", event.what, event.span.ms())
         },
+    }
+}
+
+/// An event that means that something is missing.
+#[derive(Debug, Clone, Copy)]
+pub struct Missing {
+    /// Its kind.
+    pub kind: EventKind,
+    /// Words that follow its count.
+    pub words: &'static str,
+    /// Key of its limit; empty where nothing is allowed.
+    pub key: &'static str,
+    /// Most such events.
+    pub limit: Option<u32>,
+}
+
+/// Returns every kind of event that means that something is missing, with its limit.
+pub fn missing(limits: &RunLimits) -> [Missing; 11] {
+    let never = |kind, words| Missing { kind, words, key: "", limit: None };
+    [
+        Missing {
+            kind: EventKind::JitterMissing,
+            words: "frames without a part of their jitter samples",
+            key: "jitter_missing_frames_at_most",
+            limit: limits.jitter_missing,
+        },
+        Missing {
+            kind: EventKind::LinkOverflow,
+            words: "times packets were lost on a link or could not be sent",
+            key: "packets_lost_at_most",
+            limit: limits.packets_lost,
+        },
+        never(EventKind::QueueOverflow, "times messages were lost in a full queue"),
+        never(EventKind::TriggerEdgeLost, "times edges of trigger lines were lost"),
+        never(EventKind::RatesContradict, "rates that contradict the attitudes"),
+        never(EventKind::ClockRunsOff, "times the sender's clock ran off: it does not keep real time"),
+        never(EventKind::StarsLate, "frames without stars that were read too late"),
+        never(EventKind::StarsCrowdedOut, "frames without their faintest stars: more stars than memory"),
+        never(EventKind::TargetLost, "targets lost: their orbits could not be followed"),
+        never(EventKind::ProtonsLeftOut, "frames with more proton hits than are drawn"),
+        never(EventKind::DefectLeftOut, "commanded defects that were not shown: the list was full"),
+    ]
+}
+
+/// Returns the word so far.
+pub(super) fn word_so_far(limits: &RunLimits, ledger: &Ledger, account: &FrameAccount) -> RunWord {
+    let is_above = |kind, limit: Option<u32>| ledger.count(kind) > u64::from(limit.unwrap_or(0));
+    let lost = [EventKind::SinkDropped, EventKind::SinkRefused, EventKind::SinkLost, EventKind::ThreadLost];
+    if lost.iter().any(|kind| ledger.count(*kind) > 0) {
+        return RunWord::Lost;
+    }
+    let is_incomplete = is_above(EventKind::LinkLost, limits.links_lost)
+        || missing(limits).iter().any(|missing| is_above(missing.kind, missing.limit));
+    let word = if is_incomplete { RunWord::Incomplete } else { RunWord::Ok };
+    word.max(limits.word(account))
+}
+
+/// Result of a run, whether it ended well or not.
+pub struct RunOutcome {
+    /// Counts, times and events.
+    pub record: RunRecord,
+    /// Counters of each port.
+    pub ports: Vec<PortReading>,
+    /// Summary written by the sink of each head; `None` when it could not finish.
+    pub summaries: Vec<Option<SinkSummary>>,
+    /// Result of each sink of each head, failures included: on the real clock they do not end a run.
+    pub sinks: Vec<SinkLine>,
+    /// Threads beside the run that ended before it did: pulses, gateways, the live view.
+    pub lost_threads: Vec<&'static str>,
+    /// Why the run ended early, if it did.
+    pub error: Option<RunError>,
+}
+
+impl RunOutcome {
+    /// Lists all losses: frames that a sink dropped or refused, sinks that could not be finished or failed, threads.
+    pub fn losses(&self) -> Losses {
+        let mut losses = Losses::of_sinks(&self.sinks);
+        self.lost_threads.iter().for_each(|name| losses.note_thread(name));
+        note_lost_reader(&mut losses, &self.record.ledger);
+        losses
+    }
+
+    /// Records a thread that ended before the run did; `at` is when this was noticed.
+    pub fn note_lost_thread(&mut self, name: &'static str, at: Tai) {
+        self.lost_threads.push(name);
+        self.record.ledger.note(Event { what: name, ..Event::new(EventKind::ThreadLost, at, None, Span::ZERO) });
+    }
+}
+
+/// Adds the thread that reads tiles of stars, if the ledger records its loss.
+pub fn note_lost_reader(losses: &mut Losses, ledger: &Ledger) {
+    if ledger.count(EventKind::StarReaderLost) > 0 {
+        losses.note_thread("tiles");
+    }
+}
+
+/// Returns the lines of one head's sinks; with several heads their places contain the head's number.
+pub fn lines_of_head(head: usize, heads: usize, lines: Vec<SinkLine>) -> impl Iterator<Item = SinkLine> {
+    let named = move |line: SinkLine| match heads {
+        0 | 1 => line,
+        _ => SinkLine { place: format!("head{head} {}", line.place), ..line },
+    };
+    lines.into_iter().map(named)
+}
+
+#[cfg(test)]
+mod outcome_tests {
+    use super::*;
+
+    #[test]
+    fn lost_reader_of_stars_is_a_loss_of_the_run() {
+        let mut record = RunRecord::default();
+        let outcome = |record| RunOutcome {
+            record,
+            ports: Vec::new(),
+            summaries: Vec::new(),
+            sinks: Vec::new(),
+            lost_threads: Vec::new(),
+            error: None,
+        };
+        assert!(outcome(RunRecord::default()).losses().is_empty(), "control: nothing was lost");
+        record.ledger.note(Event::new(EventKind::StarReaderLost, Tai::from_ns(0), Some(1), Span::ZERO));
+        assert_eq!(outcome(record).losses().to_string(), "lost: tiles: the thread ended before the run did");
     }
 }

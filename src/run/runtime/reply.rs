@@ -62,7 +62,7 @@ impl Reply {
         if head == 0 {
             self.messages(frame, receiver).try_for_each(&mut send)?;
         }
-        let is_reporting = receiver.session().cameras().is_reporting();
+        let is_reporting = receiver.session.cameras.is_reporting;
         camera_pages(head, frame.meta).into_iter().filter(|_| is_reporting).try_for_each(send)
     }
 
@@ -120,21 +120,21 @@ fn all_rejects(ports: &[u32; REASONS], receiver: &Receiver) -> [u32; REASONS] {
         let total = &mut all[usize::from(reason.code())];
         *total = total.saturating_add(u32::try_from(count).unwrap_or(u32::MAX));
     };
-    for counts in [receiver.history().counts(), receiver.mounting(0).jitter.counts()] {
+    for counts in [receiver.history.counts(), receiver.mounting(0).jitter.counts()] {
         add(Reject::StaleTime, counts.stale + counts.older_than_history);
         add(Reject::FutureTime, counts.future);
         add(Reject::NotFinite, counts.not_finite);
         add(Reject::UnknownValue, counts.too_fast);
     }
     // A pair that came too late has a time older than possible, an outlying one a newer time.
-    add(Reject::StaleTime, receiver.clock().late());
-    add(Reject::FutureTime, receiver.clock().outliers());
+    add(Reject::StaleTime, receiver.clock.late());
+    add(Reject::FutureTime, receiver.clock.outliers());
     all
 }
 
 fn exposure(meta: &FrameMeta, receiver: &Receiver) -> Option<Exposure> {
     let mid_exposure_us = receiver.remote_us_at(meta.mid_exposure)?;
-    let seq = receiver.history().newest().map_or(0, |sample| sample.seq);
+    let seq = receiver.history.newest().map_or(0, |sample| sample.seq);
     let age_us = meta.horizon.max(Span::ZERO).ns() / 1000;
     let age_us = u32::try_from(age_us).unwrap_or(u32::MAX);
     Some(Exposure::new(low_byte(meta.number), seq, mid_exposure_us, age_us))
@@ -162,7 +162,7 @@ fn prediction(frame: &ReportedFrame<'_>) -> Option<StatusPage> {
 }
 
 fn clock(receiver: &Receiver) -> Option<StatusPage> {
-    let estimate = receiver.clock().estimate()?;
+    let estimate = receiver.clock.estimate()?;
     // The drift is local seconds per remote second; the flight computer needs its own rate relative to ours.
     #[allow(clippy::cast_possible_truncation, reason = "float-to-int casts saturate")]
     let drift_0_1ppm = (-estimate.drift * 1e7).round() as i16;
@@ -206,7 +206,7 @@ fn low_byte(number: u32) -> u8 {
 }
 
 fn mode(meta: &FrameMeta, receiver: &Receiver) -> StimulatorMode {
-    if !receiver.session().is_rendering() {
+    if !receiver.session.is_rendering() {
         StimulatorMode::Idle
     } else if meta.faults.contains(FaultFlags::BLANK) {
         StimulatorMode::Blank

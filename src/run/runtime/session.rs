@@ -5,12 +5,14 @@
 //! silent or returns. One answer per command; a retry gets the same answer and changes nothing (the protocol's
 //! `handshake`). Limits: on one bus every sender of commands for this node is the same flight computer. Tests: below,
 //! and `tests/closed_loop/session.rs`.
+//!
+//! A value for each head of a run.
 
+use crate::runtime::camera_intake::CameraIntake;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::triggers::{Taken, Triggers, instant_of};
-use crate::runtime::{camera_intake::CameraIntake, per_head::PerHead};
 use base::time::{Span, Tai};
-use config::SessionStart;
+use config::{SessionParams, SessionStart};
 use firmware_protocol::handshake::{Answer, Handshake, Takes};
 use firmware_protocol::message::{
     CameraSetting, CameraTrigger, Command, Heartbeat, Rates, Refusal, Reply, Request, TableCell, Trigger, Triggered,
@@ -30,31 +32,17 @@ const CAPABILITIES: u16 = capability::PARAMETER_TABLES
     | capability::TRIGGERS
     | capability::CAMERA;
 
-/// Parameters of a session.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct SessionParams {
-    /// When frames begin to show stars.
-    pub start: SessionStart,
-    /// Timeout after which a flight computer that has sent heartbeats counts as silent.
-    pub heartbeat_timeout: Span,
-}
-
-impl Default for SessionParams {
-    /// Returns the default: start at once, and time out after three missed heartbeats.
-    fn default() -> Self {
-        Self { start: SessionStart::AtOnce, heartbeat_timeout: Span::from_ms(3500) }
-    }
-}
-
 /// The state of the conversation.
 #[derive(Debug, Clone)]
 pub struct Session {
     params: SessionParams,
     handshake: Handshake,
-    tables: TableStore,
+    /// The parameter tables in effect.
+    pub tables: TableStore,
     /// The waiting triggers of each head: every head takes them by its own exposures.
     triggers: PerHead<Triggers>,
-    cameras: CameraIntake,
+    /// The camera commands taken in.
+    pub cameras: CameraIntake,
     /// True when stopped or refused since the last RUN.
     is_halted: bool,
     /// True when it was a STOP.
@@ -87,11 +75,6 @@ impl Session {
         }
     }
 
-    /// Returns the parameter tables in effect.
-    pub fn tables(&self) -> &TableStore {
-        &self.tables
-    }
-
     /// Adds the next head, before anything is received.
     pub(super) fn add_head(&mut self) {
         self.triggers.push(self.triggers.of(0).beside());
@@ -110,16 +93,6 @@ impl Session {
     /// Moves the waiting triggers to their instants under a new estimate of the clock.
     pub fn follow_clock(&mut self, clock: &ClockEstimate) {
         self.triggers.each(|head| head.follow_clock(clock));
-    }
-
-    /// Returns the camera commands taken in.
-    pub fn cameras(&self) -> &CameraIntake {
-        &self.cameras
-    }
-
-    /// Returns the camera commands, for a caller that describes the heads to it and takes commands out.
-    pub fn cameras_mut(&mut self) -> &mut CameraIntake {
-        &mut self.cameras
     }
 
     /// Accepts triggers of this number from now on; all others are refused.
@@ -287,6 +260,45 @@ fn note_forgotten(forgotten: u64, at: Tai, ledger: &mut Ledger) {
     }
 }
 
+/// A value for each head of a run; at least one.
+#[derive(Debug, Clone)]
+pub(super) struct PerHead<T> {
+    first: T,
+    others: Vec<T>,
+}
+
+impl<T> PerHead<T> {
+    /// Returns the value of a run with one head.
+    pub(super) fn new(first: T) -> Self {
+        Self { first, others: Vec::new() }
+    }
+
+    /// Adds the value of the next head.
+    pub(super) fn push(&mut self, next: T) {
+        self.others.push(next);
+    }
+
+    /// Returns the value of a head; of the first one when the head does not exist.
+    pub(super) fn of(&self, head: usize) -> &T {
+        head.checked_sub(1).and_then(|place| self.others.get(place)).unwrap_or(&self.first)
+    }
+
+    /// Returns the value of a head for changes; of the first one when the head does not exist.
+    pub(super) fn of_mut(&mut self, head: usize) -> &mut T {
+        match head.checked_sub(1) {
+            Some(place) if place < self.others.len() => &mut self.others[place],
+            _ => &mut self.first,
+        }
+    }
+
+    /// Does the same to the value of every head; returns the first one's result.
+    pub(super) fn each<R>(&mut self, mut act: impl FnMut(&mut T) -> R) -> R {
+        let result = act(&mut self.first);
+        self.others.iter_mut().for_each(|other| drop(act(other)));
+        result
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -379,9 +391,9 @@ mod tests {
         assert_eq!(talk.say(setting(1, 5000)), refused, "the repeat");
         assert_eq!((talk.count(EventKind::CommandRefused), talk.count(EventKind::CameraRefused)), (1, 1));
         assert!(matches!(talk.say(setting(12, 1)), Reply::CameraSet(_)));
-        assert!(talk.session.cameras().is_reporting());
+        assert!(talk.session.cameras.is_reporting);
         talk.say(Request::Hello(version::CURRENT));
-        assert!(!talk.session.cameras().is_reporting());
+        assert!(!talk.session.cameras.is_reporting);
         let early = Request::CameraTrigger(CameraTrigger { head: 0, at_us: 7 });
         assert_eq!(talk.say(early), Reply::Refused { opcode: 8, reason: Refusal::NoTimeYet });
     }

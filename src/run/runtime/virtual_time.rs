@@ -6,15 +6,16 @@
 //! is late; wall times per stage are still measured. [`VirtualLoop`] is advanced step by step, or to the
 //! end.
 
-use crate::runtime::error::{FarEndError, RunError};
+use crate::runtime::error::{FarEndError, Result, RunError};
+use crate::runtime::head::{Head, give_commands, show_cameras};
 use crate::runtime::ledger::{Event, EventKind};
-use crate::runtime::outcome::{RunOutcome, lines_of_head};
-use crate::runtime::plant_queue::{PlantQueue, PlantRefusal};
+use crate::runtime::outside_tracker::{OutsideTracker, commands_of};
+use crate::runtime::plant_queue::{PlantQueue, PlantRefusal, PlantSample};
+use crate::runtime::record::{RunOutcome, RunRecord, lines_of_head};
 use crate::runtime::reply::{Reply, ReportedFrame};
 use crate::runtime::{
-    camera_heads, engine::FrameEngine, frame_faults::Fate, head::Head, outside_tracker::OutsideTracker,
-    plant_sample::PlantSample, port_reading::PortReading, real_head::end_of, receiver::Receiver, record::RunRecord,
-    shutter::NextSlot, slot::Slot, tracker_orders::commands_of,
+    engine::FrameEngine, frame_faults::Fate, port_reading::PortReading, real_head::end_of, receiver::Receiver,
+    shutter::NextSlot, slot::Slot,
 };
 use base::clock::{Clock, Stopwatch, Virtual};
 use base::time::{Span, Tai};
@@ -131,7 +132,7 @@ impl VirtualLoop {
 
     /// Returns whether every slot of every head has been drawn and every frame is out.
     pub fn is_finished(&self, heads: &[Head]) -> bool {
-        let drawn = |head: &Head| head.engine.exposing().next().is_over(self.clock.now());
+        let drawn = |head: &Head| head.engine.exposing.next().is_over(self.clock.now());
         self.far_due.is_some() && self.pending.is_empty() && heads.iter().all(drawn)
     }
 
@@ -139,7 +140,7 @@ impl VirtualLoop {
     ///
     /// # Errors
     /// When the link, the backend or a sink failed.
-    pub fn advance_to(&mut self, until: Tai, heads: &mut [Head], world: &mut World<'_>) -> Result<(), RunError> {
+    pub fn advance_to(&mut self, until: Tai, heads: &mut [Head], world: &mut World<'_>) -> Result<()> {
         if self.far_due.is_none() {
             self.start(heads, world)?;
         }
@@ -165,7 +166,7 @@ impl VirtualLoop {
     ///
     /// # Errors
     /// The same errors as [`Self::advance_to`].
-    pub fn finish(&mut self, heads: &mut [Head], world: &mut World<'_>) -> Result<(), RunError> {
+    pub fn finish(&mut self, heads: &mut [Head], world: &mut World<'_>) -> Result<()> {
         loop {
             let last_release = |head: &Head| last_release(&head.engine);
             let last_pending = self.pending.iter().map(|pending| pending.deliver_at).max();
@@ -198,7 +199,7 @@ impl VirtualLoop {
         RunOutcome { record: self.record, ports, summaries, sinks, lost_threads: Vec::new(), error }
     }
 
-    fn start(&mut self, heads: &mut [Head], world: &mut World<'_>) -> Result<(), RunError> {
+    fn start(&mut self, heads: &mut [Head], world: &mut World<'_>) -> Result<()> {
         self.waits_until = vec![None; heads.len()];
         for head in heads.iter_mut() {
             let mut frame = empty_frame(&head.engine);
@@ -210,22 +211,22 @@ impl VirtualLoop {
     }
 
     /// Accepts and answers what has arrived by `now`.
-    fn receive(&mut self, now: Tai, heads: &mut [Head], world: &mut World<'_>) -> Result<(), RunError> {
+    fn receive(&mut self, now: Tai, heads: &mut [Head], world: &mut World<'_>) -> Result<()> {
         let World { port, receiver, .. } = world;
         while let Some(message) = port.receive_any(now)? {
-            camera_heads::show(heads.iter().map(|head| head.engine.exposing()), receiver, &message.value);
+            show_cameras(heads.iter().map(|head| &head.engine.exposing), receiver, &message.value);
             if let Some(answer) = receiver.accept_input(0, &message, &mut self.record.ledger) {
                 port.send(&answer)?;
             }
-            camera_heads::give(heads, |head| head.engine.exposing_mut(), receiver, &mut self.record.ledger);
+            give_commands(heads, |head| &mut head.engine.exposing, receiver, &mut self.record.ledger);
         }
         Ok(())
     }
 
     /// Accepts commands from clients of the cameras, and those that wait in the queues.
     fn take_commands(&mut self, now: Tai, heads: &mut [Head]) {
-        for head in heads.iter_mut().filter(|head| head.engine.exposing().has_desks()) {
-            head.engine.exposing_mut().poll(now, &mut self.record.ledger);
+        for head in heads.iter_mut().filter(|head| head.engine.exposing.has_desks()) {
+            head.engine.exposing.poll(now, &mut self.record.ledger);
         }
     }
 
@@ -242,22 +243,22 @@ impl VirtualLoop {
         let far_end = self.far_due.map(|at| (at, Next::FarEnd));
         let delivery = self.pending.iter().map(|pending| pending.deliver_at).min().map(|at| (at, Next::Deliver));
         let draw = |(i, head): (usize, &Head)| {
-            let slot = head.engine.exposing().next().slot()?;
+            let slot = head.engine.exposing.next().slot()?;
             Some((self.waits_until[i].unwrap_or(slot.release), Next::Draw(i)))
         };
         let draws = heads.iter().enumerate().filter_map(draw);
         draws.chain(delivery).chain(far_end).chain(plant).min()
     }
 
-    fn draw(&mut self, number: usize, head: &mut Head, world: &mut World<'_>) -> Result<(), RunError> {
+    fn draw(&mut self, number: usize, head: &mut Head, world: &mut World<'_>) -> Result<()> {
         let World { port, receiver, .. } = world;
         // Input since the forecast may have moved the slot.
         let now = self.clock.now();
-        let Some(slot) = head.engine.exposing().next().slot().filter(|slot| slot.release <= now) else { return Ok(()) };
+        let Some(slot) = head.engine.exposing.next().slot().filter(|slot| slot.release <= now) else { return Ok(()) };
         if self.must_wait(number, slot, &head.engine, receiver) {
             return Ok(());
         }
-        head.engine.exposing_mut().begin(&mut self.record.ledger);
+        head.engine.exposing.begin(&mut self.record.ledger);
         self.record.frames.scheduled += 1;
         let mut frame = self.take_buffer(&head.engine);
         let mut watch = Stopwatch::start();
@@ -272,13 +273,13 @@ impl VirtualLoop {
         if number == 0 {
             self.watch_link(slot.due, world);
         }
-        let (pointing_bound_rad, rejects) = (head.engine.pointing_bound_rad(), &self.reading.rejects);
+        let (pointing_bound_rad, rejects) = (head.engine.pointing_bound_rad, &self.reading.rejects);
         let reported = ReportedFrame { meta: &frame.meta, pointing_bound_rad, rejects, now: slot.due };
         let World { port, receiver, .. } = world;
         self.reply.report(number, &reported, receiver, |message| port.send(&message).map(|_at| ()))?;
         // The stimulator reports its own data before its frame is damaged.
         head.faults.spoil(&fate, &mut frame);
-        let end = end_of(head.engine.end_on_time(), fate.delay, Span::ZERO);
+        let end = end_of(head.engine.end_on_time, fate.delay, Span::ZERO);
         self.queue((number, slot), frame, fate, (drawn, end));
         Ok(())
     }
@@ -294,13 +295,7 @@ impl VirtualLoop {
     }
 
     /// Sends nothing for a slot without an attitude, and reports this to the flight computer.
-    fn leave_out(
-        &mut self,
-        number: usize,
-        slot: Slot,
-        frame: SentFrame,
-        world: &mut World<'_>,
-    ) -> Result<(), RunError> {
+    fn leave_out(&mut self, number: usize, slot: Slot, frame: SentFrame, world: &mut World<'_>) -> Result<()> {
         if number == 0 {
             self.watch_link(slot.due, world);
             world.port.send(&self.reply.stopped(world.receiver, slot.due))?;
@@ -336,7 +331,7 @@ impl VirtualLoop {
         self.pending.push_back(Pending { deliver_at, head, frame, drawn, exposure_start, end });
     }
 
-    fn deliver(&mut self, at: Tai, heads: &mut [Head], world: &mut World<'_>) -> Result<(), RunError> {
+    fn deliver(&mut self, at: Tai, heads: &mut [Head], world: &mut World<'_>) -> Result<()> {
         while let Some(place) = self.pending.iter().position(|pending| pending.deliver_at <= at) {
             let Some(mut pending) = self.pending.remove(place) else { break };
             let head = &mut heads[pending.head];
@@ -349,7 +344,7 @@ impl VirtualLoop {
                 let wish = tracker.take_frame(&pending.frame, at, beta);
                 for commanded in wish.iter().flat_map(|wish| commands_of(wish, at)) {
                     // A refused command is recorded as an event.
-                    let _noted = head.engine.exposing_mut().take(&commanded, &mut self.record.ledger);
+                    let _noted = head.engine.exposing.take(&commanded, &mut self.record.ledger);
                 }
             }
             self.record.count_outgoing(&pending.frame.meta);
@@ -380,7 +375,7 @@ impl VirtualLoop {
 /// Returns the latest instant at which a head may still draw, as known now.
 pub(crate) fn last_release(engine: &FrameEngine) -> Tai {
     let nominal = engine.slot(engine.params().frames.saturating_sub(1)).release;
-    match engine.exposing().next() {
+    match engine.exposing.next() {
         NextSlot::Slot(slot) => nominal.max(slot.release),
         NextSlot::Waiting(until) => nominal.max(until),
         NextSlot::Over => nominal,

@@ -9,19 +9,19 @@
 //! the sinks the trackers' taps, the capture and the live view; the cable and the far end when the run connects; the
 //! events of the file last. Tests: `tests/closed_loop`, above all `matrix`.
 
-use crate::runtime::{Head, Hygiene, Imager, receiver::Receiver};
-use crate::wiring::cable::CableSetting;
-use crate::wiring::fault_desk::{FaultDesk, in_order_of_placing, lock};
+use crate::runtime::receiver::Receiver;
+use crate::runtime::{Head, Hygiene, Imager};
+use crate::wiring::faults::{FaultDesk, Inventory, in_order_of_placing, lock};
 use crate::wiring::heads::{CostsHere, HeadSetting, make_heads, make_receiver, size_of, take_sink};
-use crate::wiring::live_tap::{LiveOptions, LiveTap};
 use crate::wiring::memory::{RunForm, RunMemory};
-use crate::wiring::ports::{Cable, is_unreachable, needs_real_clock};
-use crate::wiring::run_clock::{RunClock, RunClockKind};
+use crate::wiring::ports::{Cable, arm, is_unreachable, needs_real_clock};
+use crate::wiring::run_clock::{RunClock, RunClockKind, RunTimes, note_lag, planned_start, start_clock};
 use crate::wiring::sinks::{directory_of_head, make_sinks};
+use crate::wiring::taps::{CaptureOptions, LiveOptions, LiveTap, Taps};
 use crate::wiring::tracker_outs::{TrackerOuts, WaitingOut, tap_heads};
 use crate::wiring::{
-    capture_tap::CaptureOptions, display_parts::hold_cards, error::LoopError, far_side::FarSide, faults::Inventory,
-    run_times::RunTimes, sink_setting::SinkSetting, start, steering::Steering, taps::Taps, trigger_lines::arm,
+    cable::CableSetting, display_parts::hold_cards, error::Result, far_side::FarSide, sink_setting::SinkSetting,
+    steering::Steering,
 };
 use anyhow::Context;
 use base::time::{Span, Tai};
@@ -85,10 +85,13 @@ impl<'a> RunOptions<'a> {
 
 /// An assembled run.
 pub struct Run {
-    pub(super) scenario: Scenario,
-    pub(super) times: RunTimes,
+    /// The scenario.
+    pub scenario: Scenario,
+    /// The instants of the run.
+    pub times: RunTimes,
     pub(super) clock: RunClock,
-    pub(super) heads: Vec<Head>,
+    /// The heads, the first one first; at least one.
+    pub heads: Vec<Head>,
     pub(super) receiver: Receiver,
     pub(super) desk: Arc<Mutex<FaultDesk>>,
     pub(super) faults_of_bus: [FaultControl; 2],
@@ -114,7 +117,7 @@ impl Run {
     ///
     /// # Errors
     /// The first part that cannot be made.
-    pub fn assemble(scenario: &Scenario, options: RunOptions<'_>) -> Result<Self, LoopError> {
+    pub fn assemble(scenario: &Scenario, options: RunOptions<'_>) -> Result<Self> {
         let scenario = scenario.clone();
         let RunOptions { clock, mut outputs, costs, hygiene, capture, live, steering, is_controlled } = options;
         if let (RunClockKind::Virtual, Some(what)) = (clock, needs_real_clock(&scenario.bench)) {
@@ -125,7 +128,7 @@ impl Run {
             return Err(anyhow::anyhow!(why).into());
         }
         check_memory(&scenario, &outputs, clock, live.is_some())?;
-        let start = start::planned_start(scenario.bench.timing.start, clock);
+        let start = planned_start(scenario.bench.timing.start, clock);
         let cards = match &outputs {
             Outputs::Configured { sinks, .. } => Some(hold_cards(sinks)),
             Outputs::Made(_) => None,
@@ -190,13 +193,13 @@ impl Run {
     ///
     /// # Errors
     /// When a link cannot be opened.
-    pub fn connect(&mut self) -> Result<(), LoopError> {
+    pub fn connect(&mut self) -> Result<()> {
         if self.cable.is_some() {
             return Ok(());
         }
         if let RunClock::Real(clock) = &self.clock {
             // Later than the start of the sinks, which takes time.
-            self.lag = start::start_clock(clock, self.scenario.bench.timing.start, self.times.start);
+            self.lag = start_clock(clock, self.scenario.bench.timing.start, self.times.start);
         }
         let setting = CableSetting {
             scenario: &self.scenario,
@@ -218,7 +221,7 @@ impl Run {
     }
 
     /// Returns the far end, with the events of the file placed.
-    pub(super) fn far_side(&mut self) -> Result<FarSide, LoopError> {
+    pub(super) fn far_side(&mut self) -> Result<FarSide> {
         self.connect()?;
         let port = self.cable.as_mut().and_then(|cable| cable.far.take());
         let trackers = self.heads.iter_mut().filter_map(|head| head.tracker.take()).collect();
@@ -239,14 +242,14 @@ impl Run {
         heads
             .map(|head| {
                 let (desk, end) = desk();
-                head.engine.exposing_mut().add_desk(end);
+                head.engine.exposing.add_desk(end);
                 desk
             })
             .collect()
     }
 
     /// Places the events of the file; returns their ledger events.
-    pub(super) fn place_events(&mut self, far: &mut FarSide) -> Result<Vec<crate::runtime::ledger::Event>, LoopError> {
+    pub(super) fn place_events(&mut self, far: &mut FarSide) -> Result<Vec<crate::runtime::ledger::Event>> {
         let mut notes = Vec::new();
         for event in in_order_of_placing(&self.scenario.events) {
             let frames = self.heads.iter_mut().map(|head| &mut head.faults).collect();
@@ -258,21 +261,6 @@ impl Run {
             head.faults.prepare(&mut head.engine)?;
         }
         Ok(notes)
-    }
-
-    /// Returns the scenario.
-    pub fn scenario(&self) -> &Scenario {
-        &self.scenario
-    }
-
-    /// Returns the instants of the run.
-    pub fn times(&self) -> RunTimes {
-        self.times
-    }
-
-    /// Returns the heads, the first one first; at least one.
-    pub fn heads(&self) -> &[Head] {
-        &self.heads
     }
 
     /// Returns the number of frames of all heads in the whole run.
@@ -289,17 +277,12 @@ impl Run {
     pub fn notes(&self) -> Vec<String> {
         let cable = self.cable.as_ref().map(Cable::notes).unwrap_or_default();
         let live = self.taps.live.as_ref().map(LiveTap::notes).unwrap_or_default();
-        start::note(self.lag).into_iter().chain(live).chain(cable).chain(self.outs.notes().to_vec()).collect()
+        note_lag(self.lag).into_iter().chain(live).chain(cable).chain(self.outs.notes().to_vec()).collect()
     }
 }
 
 /// Refuses a run that needs more memory than is available, before any of it is allocated.
-fn check_memory(
-    scenario: &Scenario,
-    outputs: &Outputs<'_>,
-    clock: RunClockKind,
-    has_view: bool,
-) -> Result<(), LoopError> {
+fn check_memory(scenario: &Scenario, outputs: &Outputs<'_>, clock: RunClockKind, has_view: bool) -> Result<()> {
     let sinks: &[SinkSettings] = match outputs {
         Outputs::Configured { sinks, .. } => sinks,
         Outputs::Made(_) => &[],
@@ -310,7 +293,7 @@ fn check_memory(
 }
 
 /// Returns the instants of a run: from the first exposure of the first head to the end of the last frame of any.
-fn times(start: Tai, heads: &[Head]) -> Result<RunTimes, LoopError> {
+fn times(start: Tai, heads: &[Head]) -> Result<RunTimes> {
     let params = || heads.iter().map(|head| head.engine.params());
     let zero = params().next().map(|params| params.first_exposure).context("a run without a head")?;
     let end = params().map(|params| params.exposure_start(params.frames)).max().unwrap_or(zero);
@@ -323,7 +306,7 @@ fn sink_of_head(
     (number, count): (usize, usize),
     outputs: &mut Outputs<'_>,
     clock: &RunClock,
-) -> Result<Box<dyn Sink>, LoopError> {
+) -> Result<Box<dyn Sink>> {
     if !head.is_shown {
         return Ok(Box::new(NullSink::new()));
     }
@@ -348,10 +331,10 @@ fn sink_of_head(
         frame_period: params.frame_period,
         calibration: head.calibration.as_ref(),
         clock: &clock.shared(),
-        commands: Some((head.engine.exposing(), &desks)),
+        commands: Some((&head.engine.exposing, &desks)),
     };
     let place = || which.map_or_else(|| "the sinks".to_owned(), |head| format!("head {head}"));
     let made = make_sinks(sinks, &setting).with_context(place)?;
-    desks.into_inner().into_iter().for_each(|desk| head.engine.exposing_mut().add_desk(desk));
+    desks.into_inner().into_iter().for_each(|desk| head.engine.exposing.add_desk(desk));
     Ok(made)
 }

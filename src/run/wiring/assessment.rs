@@ -83,7 +83,8 @@ pub struct Verdict {
 /// Sums over a run.
 pub struct Assessment {
     expect: Expect,
-    zero: Tai,
+    /// The time of the first exposure.
+    pub zero: Tai,
     window_from: Tai,
     head_from_body: glam::DQuat,
     pointing: Square,
@@ -93,11 +94,13 @@ pub struct Assessment {
     first_fine: Option<Tai>,
     mode: Mode,
     mode_changes: u64,
-    mode_lines: Vec<ModeLine>,
+    /// The mode changes so far (the first few).
+    pub mode_lines: Vec<ModeLine>,
     last_boresight_rad: f64,
     /// Time at which pointing was last off target by more than the recovered angle.
-    last_off: Tai,
-    least_sun_angle_rad: Option<f64>,
+    pub last_off: Tai,
+    /// The smallest angle between the monitored boresight and the Sun, rad.
+    pub least_sun_angle_rad: Option<f64>,
     solved_rows: u64,
     /// Sum of the tracker's variances in the window, and their count.
     tracker_variance: (f64, u64),
@@ -107,7 +110,8 @@ pub struct Assessment {
     violation_lines: Vec<String>,
     refusals: Vec<String>,
     frames_held_to_truth: u64,
-    frames_unchecked: u64,
+    /// The number of frames that could not be compared with the truth.
+    pub frames_unchecked: u64,
     largest_rendered_rad: f64,
 }
 
@@ -207,11 +211,6 @@ impl Assessment {
         }
     }
 
-    /// Returns the time of the first exposure.
-    pub fn zero(&self) -> Tai {
-        self.zero
-    }
-
     /// Records the distance from the truth of a frame that claims to show it.
     pub fn note_rendered(&mut self, error_rad: f64) {
         self.frames_held_to_truth += 1;
@@ -228,11 +227,6 @@ impl Assessment {
         let failed = self.verdicts(predicted_arcsec, record).into_iter().find(|verdict| !verdict.passed);
         let failed = failed.map(|verdict| format!("{}: wanted {}, got {}", verdict.name, verdict.wanted, verdict.got));
         failed.or_else(|| self.violation_lines.first().cloned())
-    }
-
-    /// Returns the number of frames that could not be compared with the truth.
-    pub fn frames_unchecked(&self) -> u64 {
-        self.frames_unchecked
     }
 
     /// Returns the number of frames compared with the truth, and the largest distance from it, arcsec.
@@ -255,11 +249,6 @@ impl Assessment {
     /// Returns the violated invariants so far: their number, and the first few in words.
     pub fn violations(&self) -> (u64, &[String]) {
         (self.violations, &self.violation_lines)
-    }
-
-    /// Returns the mode changes so far (the first few).
-    pub fn mode_lines(&self) -> &[ModeLine] {
-        &self.mode_lines
     }
 
     /// Returns the CRC-32 over every row's bytes.
@@ -291,11 +280,6 @@ impl Assessment {
         (vibration_rad > 0.0).then(|| (vibration_rad / ARCSEC, speed_rad_s / core::f64::consts::TAU))
     }
 
-    /// Returns the smallest angle between the monitored boresight and the Sun, rad.
-    pub fn least_sun_angle_rad(&self) -> Option<f64> {
-        self.least_sun_angle_rad
-    }
-
     /// Returns the time from the first exposure to fine pointing, s.
     pub fn fine_after_s(&self) -> Option<f64> {
         self.first_fine.map(|at| (at - self.zero).s())
@@ -309,11 +293,6 @@ impl Assessment {
     /// Returns the knowledge errors in the window: from the true attitude to the estimated one.
     pub fn knowledge(&self) -> WindowErrors {
         window(&self.knowledge)
-    }
-
-    /// Returns the time at which pointing was last off by more than `recovered_arcsec`.
-    pub fn last_off(&self) -> Tai {
-        self.last_off
     }
 
     /// Returns true when the last row was on target.

@@ -1,29 +1,32 @@
 //! A checked bench file -> the parameters of a run, of its simulated bus and of its simulated flight computer.
+//!
+//! The motion of a bench's script or file, as a scale for bounds of prediction.
 
-use crate::runtime::{BackendChoice, Imager, RunParams, SessionParams};
-use crate::wiring::sensitivity::{Conditions, Sensitivity};
-use crate::{runtime::params::AttitudeParams, wiring::camera_parts::camera_params, wiring::seen_mag::bound_by_catalog};
+use crate::runtime::{Imager, RunParams};
+use crate::wiring::sensitivity::{Conditions, Sensitivity, bound_by_catalog};
+use crate::{runtime::params::AttitudeParams, wiring::camera_parts::camera_params};
 use anyhow::{Context, Result, bail};
 use base::axes::{Body, Icrf, Rotation, sensor_from_ra_dec_roll};
-use base::refused::Refused;
 use base::time::{Span, Tai};
+use base::{refused::Refused, units::DEG};
 use config::{
-    self, Bench, JitterAxes, JitterSource, Motion, OrbitSettings, OrbitStart, Overlap, Plant, SwingSettings,
-    TargetCourse, TargetLight, TargetSettings, Wire,
+    AttitudeSettings, Bench, JitterAxes, JitterSource, Motion, OrbitSettings, OrbitStart, Plant, TargetCourse,
+    TargetLight, TargetSettings,
 };
+use core::f64::consts::PI;
 use glam::{DQuat, DVec3};
 use link::WireFormat;
 use link::simulated::{BusParams, BusTiming};
-use plan::attitude::{JitterLine, RecordedJitter, RemoteClockLimits};
+use plan::attitude::{JitterLine, MotionScale, RecordedJitter, RemoteClockLimits};
 use plan::exposure::{Target, TargetWay};
-use plan::{exposure::cost::CostModel, exposure::target::FIRST_TARGET_ID, optics::snr::electrons_for_snr};
+use plan::exposure::{cost::CostModel, target::FIRST_TARGET_ID};
+use plan::optics::snr::electrons_for_snr;
 use scene::{camera::CameraParams, sky_targets::SkyTarget};
-use sky::orbit::{CircularOrbit, EARTH_GM_KM3_S2, TleOrbit, TwoBodyOrbit};
+use sky::orbit::{CentralBody, CircularOrbit, TleOrbit, TwoBodyOrbit};
 use sky::{observer::Observer, target::Orbit};
 use std::sync::Arc;
 use testbed::flight_computer::{
-    Faults, FlightComputerParams, JitterLineParams, JitterStream, Profile, RampShape, Slew, SlewProfile, SteadyMotion,
-    Swing,
+    Faults, FlightComputerParams, JitterStream, Profile, RampShape, Slew, SlewProfile, SteadyMotion,
 };
 
 /// Time before the first exposure, in which the bus carries its first time marks and attitudes.
@@ -52,14 +55,14 @@ pub fn run_params(bench: &Bench, start: Tai) -> Result<RunParams> {
         },
         targets: scripted(bench, &camera, first_exposure)?,
         sky_targets: on_sky(bench, &camera, first_exposure)?,
-        keeps_brighter: bench.target_overlap == Overlap::Brighter,
+        target_overlap: bench.target_overlap,
         observer: observer(&bench.observer, first_exposure)?,
         light_deflection: bench.light_deflection,
         bodies: bodies(bench, &camera)?,
         layers: bench.layers.clone(),
         star_memory_mb: bench.star_memory_mb,
         budget: bench.accuracy,
-        backend: backend_choice(bench.render.backend),
+        backend: bench.render.backend,
         method: bench.render.method,
         cost: None,
         degrade: bench.timing.degrade.applies(false),
@@ -128,21 +131,25 @@ fn on_sky(bench: &Bench, camera: &CameraParams, first_exposure: Tai) -> Result<V
     Ok(found)
 }
 
-fn orbit_of(settings: &OrbitSettings, first_exposure: Tai) -> Result<Orbit, Refused> {
+/// Returns the orbit that these settings describe; `epoch` is the first exposure.
+fn orbit_of(settings: &OrbitSettings, epoch: Tai) -> Result<Orbit, Refused> {
     Ok(match settings {
         OrbitSettings::Mean { text, norad_id, max_age_days } => {
-            Orbit::Sgp4(Box::new(TleOrbit::read(text, *norad_id, first_exposure)?.within_days(*max_age_days)))
-        }
-        OrbitSettings::TwoBody { epoch, elements } => {
-            Orbit::TwoBody(TwoBodyOrbit::from_elements(*epoch, elements, EARTH_GM_KM3_S2)?)
-        }
-        OrbitSettings::StateVector { epoch, position_km, velocity_km_s } => {
-            let [position_km, velocity_km_s] = [*position_km, *velocity_km_s].map(DVec3::from_array);
-            Orbit::TwoBody(TwoBodyOrbit::from_state(*epoch, position_km, velocity_km_s, EARTH_GM_KM3_S2)?)
+            Orbit::Sgp4(Box::new(TleOrbit::read(text, *norad_id, epoch)?.within_days(*max_age_days)))
         }
         OrbitSettings::Circular { altitude_km, inclination_deg, raan_deg, argument_of_latitude_deg } => {
             let [inclination, raan, latitude] = [*inclination_deg, *raan_deg, *argument_of_latitude_deg];
-            Orbit::Circular(CircularOrbit::new(*altitude_km, inclination, raan, latitude, first_exposure)?)
+            Orbit::Circular(CircularOrbit::new(*altitude_km, inclination, raan, latitude, epoch)?)
+        }
+        OrbitSettings::TwoBody { about, epoch: given, start } => {
+            let (epoch, gm_km3_s2) = (given.unwrap_or(epoch), about.gm_km3_s2());
+            Orbit::TwoBody(match start {
+                OrbitStart::State { position_km, velocity_km_s } => {
+                    let [position_km, velocity_km_s] = [*position_km, *velocity_km_s].map(DVec3::from_array);
+                    TwoBodyOrbit::from_state(epoch, position_km, velocity_km_s, gm_km3_s2)?
+                }
+                OrbitStart::Elements(elements) => TwoBodyOrbit::from_elements(epoch, elements, gm_km3_s2)?,
+            })
         }
     })
 }
@@ -219,17 +226,7 @@ pub fn imager(params: &RunParams) -> Result<Imager> {
 pub fn take_real_clock(params: &mut RunParams, bench: &Bench, measured: Option<CostModel>) {
     params.cost = measured;
     params.degrade = bench.timing.degrade.applies(true);
-    params.attitude.estimate.policy = bench.attitude.policy_on_real_clock;
-}
-
-/// Returns the backend that a bench or a user selects.
-pub fn backend_choice(backend: config::Backend) -> BackendChoice {
-    match backend {
-        config::Backend::Auto => BackendChoice::Auto,
-        config::Backend::Gpu => BackendChoice::Gpu,
-        config::Backend::Cpu => BackendChoice::Cpu,
-        config::Backend::Reference => BackendChoice::Reference,
-    }
+    params.attitude.settings.estimate.policy = bench.attitude.policy_on_real_clock;
 }
 
 fn attitude_params(bench: &Bench, boot: Tai) -> AttitudeParams {
@@ -237,18 +234,13 @@ fn attitude_params(bench: &Bench, boot: Tai) -> AttitudeParams {
     let mount =
         |line: JitterLine| JitterLine { amplitude_rad: bench.sensor_from_body.apply(line.amplitude_rad), ..line };
     let known_lines = bench.flight_computer.jitter_source == JitterSource::Lines;
-    let lines = bench.flight_computer.jitter_lines.iter().filter(|_| known_lines);
+    let lines = bench.flight_computer.known_lines().filter(|_| known_lines);
     // The simulated bus has a known latency: it represents the calibrated constant delay of a real one.
     let latency = Span::from_s(bench.link.latency_us * 1e-6);
     let constant_delay = settings.clock.constant_delay.max(latency);
     AttitudeParams {
-        estimate: settings.estimate,
-        history: settings.history,
-        jitter_history: settings.jitter_history,
-        jitter_max_gap: settings.jitter_max_gap,
-        jitter_wait: settings.jitter_wait,
-        clock: RemoteClockLimits { constant_delay, ..settings.clock },
-        jitter_lines: lines.map(|line| mount(line.line())).collect(),
+        settings: AttitudeSettings { clock: RemoteClockLimits { constant_delay, ..settings.clock }, ..*settings },
+        jitter_lines: lines.map(mount).collect(),
         jitter_epoch: boot,
         jitter_record: None,
         sensor_from_body: bench.sensor_from_body,
@@ -270,61 +262,43 @@ fn jitter_record(bench: &Bench, first_exposure: Tai, exposure_s: f64) -> Result<
 fn observer(observer: &config::Observer, epoch: Tai) -> Result<Observer> {
     Ok(match observer {
         config::Observer::Geocentre => Observer::Geocentre,
+        config::Observer::Table(history) => Observer::Table(Arc::clone(history)),
         config::Observer::Tle { line1, line2, max_age_days } => {
             let orbit = TleOrbit::parse(&format!("{line1}\n{line2}")).context("[observer]")?;
             Observer::Tle(Box::new(orbit.within_days(*max_age_days)))
         }
-        config::Observer::CircularOrbit { altitude_km, inclination_deg, raan_deg, argument_of_latitude_deg } => {
-            let angles = [*inclination_deg, *raan_deg, *argument_of_latitude_deg];
-            let [inclination, raan, latitude] = angles;
-            Observer::Circular(
-                CircularOrbit::new(*altitude_km, inclination, raan, latitude, epoch).context("[observer]")?,
-            )
-        }
-        config::Observer::Table(history) => Observer::Table(Arc::clone(history)),
-        config::Observer::Elements { text, norad_id, max_age_days } => {
-            let orbit = TleOrbit::read(text, *norad_id, epoch).context("observer.file")?;
-            Observer::Tle(Box::new(orbit.within_days(*max_age_days)))
-        }
-        config::Observer::TwoBody { about, epoch: given, start } => {
-            let (about, epoch) = (*about, given.unwrap_or(epoch));
-            let gm_km3_s2 = about.gm_km3_s2();
-            let orbit = match start {
-                OrbitStart::State { position_km, velocity_km_s } => {
-                    let [position_km, velocity_km_s] = [*position_km, *velocity_km_s].map(DVec3::from_array);
-                    TwoBodyOrbit::from_state(epoch, position_km, velocity_km_s, gm_km3_s2)
-                }
-                OrbitStart::Elements(elements) => TwoBodyOrbit::from_elements(epoch, elements, gm_km3_s2),
+        config::Observer::Orbit(settings) => {
+            let (place, about) = match settings {
+                OrbitSettings::Mean { .. } => ("observer.file", CentralBody::Earth),
+                OrbitSettings::Circular { .. } => ("[observer]", CentralBody::Earth),
+                OrbitSettings::TwoBody { about, .. } => ("[observer]", *about),
             };
-            Observer::TwoBody { about, orbit: orbit.context("[observer]")? }
+            match orbit_of(settings, epoch).context(place)? {
+                Orbit::Sgp4(orbit) => Observer::Tle(orbit),
+                Orbit::Circular(orbit) => Observer::Circular(orbit),
+                Orbit::TwoBody(orbit) => Observer::TwoBody { about, orbit },
+            }
         }
     })
 }
 
-/// Returns the session parameters of a bench.
-pub fn session_params(bench: &Bench) -> SessionParams {
-    SessionParams { start: bench.session.start, heartbeat_timeout: bench.session.heartbeat_timeout }
-}
-
 /// Returns the bus between the simulated flight computer and the stimulator, and the format of its messages.
 pub fn bus(bench: &Bench) -> (BusParams, WireFormat) {
-    bus_of(&bench.link)
+    (bus_of(&bench.link), bench.link.wire)
 }
 
-/// Returns the simulated bus of a link, and the format of its messages.
+/// Returns the simulated bus of a link.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the config's bit rates are checked")]
-pub fn bus_of(link: &config::Link) -> (BusParams, WireFormat) {
-    let (timing, format) = match link.wire {
-        Wire::CanFd => {
-            let (arbitration_bps, data_bps) = (link.bit_rate as u32, link.data_bit_rate as u32);
-            (BusTiming::CanFd { arbitration_bps, data_bps }, WireFormat::CanFd)
-        }
-        Wire::CanClassic => (BusTiming::CanClassic { bit_rate_bps: link.bit_rate as u32 }, WireFormat::CanClassic),
-        Wire::Serial => (BusTiming::Serial { baud: link.bit_rate as u32 }, WireFormat::Serial),
-        Wire::Plain => (BusTiming::Datagram { bit_rate_bps: link.bit_rate as u32 }, WireFormat::Plain),
+pub fn bus_of(link: &config::Link) -> BusParams {
+    let bit_rate_bps = link.bit_rate as u32;
+    let timing = match link.wire {
+        WireFormat::CanFd => BusTiming::CanFd { arbitration_bps: bit_rate_bps, data_bps: link.data_bit_rate as u32 },
+        WireFormat::CanClassic => BusTiming::CanClassic { bit_rate_bps },
+        WireFormat::Serial => BusTiming::Serial { baud: bit_rate_bps },
+        WireFormat::Plain => BusTiming::Datagram { bit_rate_bps },
     };
     let latency = Span::from_s(link.latency_us * 1e-6);
-    (BusParams { name: "simulated".into(), timing, latency, queue_packets: link.queue as usize }, format)
+    BusParams { name: "simulated".into(), timing, latency, queue_packets: link.queue as usize }
 }
 
 /// Returns the simulated flight computer of a plant whose first exposure is at `zero`; without its own plant it keeps
@@ -344,14 +318,9 @@ pub fn flight_computer(bench: &Bench, boot: Tai) -> FlightComputerParams {
     let [ra, dec, roll] = [settings.ra_deg, settings.dec_deg, settings.roll_deg].map(f64::to_radians);
     let initial: Rotation<Body, Icrf> = bench.sensor_from_body.inverse() * sensor_from_ra_dec_roll(ra, dec, roll);
     let profile = profile(bench, initial, boot + LEAD);
-    let line = |line: &config::JitterLineSettings| JitterLineParams {
-        frequency_hz: line.frequency_hz,
-        amplitude_arcsec: line.amplitude_arcsec,
-        phase_rad: line.phase_deg.to_radians(),
-    };
     let jitter = match (settings.jitter_source, bench.link.wire) {
         (JitterSource::Lines, _) => JitterStream::OFF,
-        (JitterSource::Samples, Wire::CanClassic) => JitterStream::PAIRS,
+        (JitterSource::Samples, WireFormat::CanClassic) => JitterStream::PAIRS,
         (JitterSource::Samples, _) => JitterStream::bursts(settings.jitter_sample_hz as u32),
     };
     FlightComputerParams {
@@ -363,7 +332,7 @@ pub fn flight_computer(bench: &Bench, boot: Tai) -> FlightComputerParams {
         attitude_noise_arcsec: 0.0,
         gyro_noise_rad_s: 0.0,
         seed: bench.seed,
-        jitter_lines: settings.jitter_lines.iter().map(line).collect(),
+        jitter_lines: settings.jitter_lines.clone(),
         jitter,
         faults: Faults::default(),
     }
@@ -374,8 +343,7 @@ fn profile(bench: &Bench, initial: Rotation<Body, Icrf>, start: Tai) -> Profile 
     let settings = &bench.flight_computer;
     if let Some(Motion::Steady { rate_deg_s, swings }) = &settings.motion {
         let rate_rad_s = DVec3::from_array(rate_deg_s.map(f64::to_radians));
-        let swings = swings.iter().map(swing).collect();
-        return Profile::Steady(SteadyMotion { initial, zero: start, rate_rad_s, swings });
+        return Profile::Steady(SteadyMotion { initial, zero: start, rate_rad_s, swings: swings.clone() });
     }
     let path = settings.motion.as_ref().and_then(|motion| motion.path(bench.sensor_from_body));
     if let Some(Ok(path)) = path {
@@ -393,11 +361,30 @@ fn profile(bench: &Bench, initial: Rotation<Body, Icrf>, start: Tai) -> Profile 
     SlewProfile::slew(initial, start + Span::from_s(slew.start_s), &turn).into()
 }
 
-fn swing(settings: &SwingSettings) -> Swing {
-    Swing {
-        axis_body: DVec3::from_array(settings.axis),
-        amplitude_rad: settings.amplitude_deg.to_radians(),
-        frequency_hz: settings.frequency_hz,
-        phase_rad: settings.phase_deg.to_radians(),
+/// Returns the motion in the attitude records of a plant, as far as it is known before a run; for a file, from the
+/// differences of its rows.
+pub fn motion_scale(plant: &Plant, bench: &Bench) -> MotionScale {
+    match plant {
+        Plant::File(file) => {
+            let [rate_rad_s, acceleration_rad_s2, jerk_rad_s3] = file.history.motion_limits();
+            MotionScale { rate_rad_s, acceleration_rad_s2, jerk_rad_s3, sinusoids: Vec::new() }
+        }
+        Plant::Outside | Plant::FlightComputer | Plant::Vehicle(_) => script_scale(bench),
+    }
+}
+
+/// Returns the peak of the scripted motion; a slew has ramps of half its length, `rate = peak (1 - cos(pi t / ramp)) /
+/// 2`.
+pub fn script_scale(bench: &Bench) -> MotionScale {
+    if let Some(motion) = &bench.flight_computer.motion {
+        return motion.scale();
+    }
+    let Some(slew) = &bench.flight_computer.slew else { return MotionScale::default() };
+    let (peak_rad_s, ramp_s) = (2.0 * slew.angle_deg.abs() * DEG / slew.duration_s, 0.5 * slew.duration_s);
+    MotionScale {
+        rate_rad_s: peak_rad_s,
+        acceleration_rad_s2: 0.5 * peak_rad_s * PI / ramp_s,
+        jerk_rad_s3: 0.5 * peak_rad_s * (PI / ramp_s).powi(2),
+        sinusoids: Vec::new(),
     }
 }

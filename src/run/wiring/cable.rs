@@ -4,7 +4,7 @@
 //! A capture contains what the stimulator's ports receive: faults act before it.
 
 use crate::wiring::ports::{Cable, End, open_ports};
-use crate::wiring::{bench_parts, error::LoopError, replay::Recording, run_clock::RunClock};
+use crate::wiring::{bench_parts, error::Result, replay::Recording, run_clock::RunClock};
 use config::{Action, Plant, Scenario};
 use frames::report::GatewayRow;
 use link::Link;
@@ -27,7 +27,7 @@ pub(super) struct CableSetting<'a> {
 
 impl Cable {
     /// Opens every link of a run.
-    pub(super) fn open(setting: &CableSetting<'_>) -> Result<Self, LoopError> {
+    pub(super) fn open(setting: &CableSetting<'_>) -> Result<Self> {
         let bench = &setting.scenario.bench;
         let mut tap = |end, link| setting.tapped(end, link);
         Ok(open_ports(bench, &setting.clock.shared(), &mut tap)?)

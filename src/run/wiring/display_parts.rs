@@ -209,14 +209,8 @@ fn brighter(light: &StarLight, times: f64) -> Result<StarLight> {
 /// Keeps every graphics card open while drivers of others are started, when a display of `sinks` uses direct
 /// scan-out: the first driver that opens a card keeps it. Unavailable cards are reported when the display opens.
 pub fn hold_cards(sinks: &[SinkSettings]) -> Vec<File> {
-    let is_direct = |settings: &SinkSettings| match &settings.sink {
-        Sink::Display(settings) => settings.params.direct_scanout.is_some(),
-        Sink::Recorder { .. }
-        | Sink::SharedMemory { .. }
-        | Sink::Iceoryx { .. }
-        | Sink::NetworkCamera(_)
-        | Sink::Null => false,
-    };
+    let is_direct = |display: &DisplaySettings| display.params.direct_scanout.is_some();
+    let is_direct = |settings: &SinkSettings| matches!(&settings.sink, Sink::Display(display) if is_direct(display));
     let entries = sinks.iter().any(is_direct).then(|| std::fs::read_dir("/dev/dri").ok()).flatten();
     let cards = entries.into_iter().flatten().filter_map(Result::ok);
     let cards = cards.filter(|entry| entry.file_name().to_string_lossy().starts_with("card"));

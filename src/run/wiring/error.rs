@@ -4,6 +4,9 @@ use crate::runtime::RunError;
 use base::refused::Refused;
 use config::ConfigError;
 
+/// A value, or why a run cannot be assembled or go on.
+pub(crate) type Result<T, E = LoopError> = core::result::Result<T, E>;
+
 /// Why a run cannot be assembled or go on.
 #[derive(Debug, thiserror::Error)]
 pub enum LoopError {

@@ -2,12 +2,10 @@
 //!
 //! The owner of the clock steps it; it never reads a clock itself.
 
-use crate::runtime::{error::FarEndError, frame_faults::NEVER, tracker_orders::commands_of};
-use crate::wiring::bench_parts;
-use crate::wiring::{
-    error::LoopError, fault_desk::Placed, faults::Aboard, run_times::RunTimes, vehicle_parts::vehicle_params,
-    witness::Witness,
-};
+use crate::runtime::{error::FarEndError, frame_faults::NEVER, outside_tracker::commands_of};
+use crate::wiring::error::{LoopError, Result};
+use crate::wiring::faults::{Aboard, Placed};
+use crate::wiring::{bench_parts, run_clock::RunTimes, vehicle_parts::vehicle_params, witness::Witness};
 use base::axes::{Body, Rotation, Sensor};
 use base::refused::Refused;
 use base::time::{Span, Tai};
@@ -98,7 +96,7 @@ impl FarSide {
     }
 
     /// Makes the flight computer fire a trigger over the bus, to act at `at` or on arrival.
-    pub(super) fn send_trigger(&mut self, number: u16, at: Option<Tai>, now: Tai) -> Result<(), LoopError> {
+    pub(super) fn send_trigger(&mut self, number: u16, at: Option<Tai>, now: Tai) -> Result<()> {
         let event = |why: String| LoopError::Event { what: "trigger", why };
         let outside = || event("the flight computer is outside this program: fire it there".into());
         let (_, computer) = self.simulated.as_mut().ok_or_else(outside)?;
@@ -124,20 +122,15 @@ impl FarSide {
     fn prepare_witness(&mut self, event: &Event, zero: Tai) {
         let from = zero + event.at;
         let until = from + event.lasts;
-        match event.action {
-            Action::Slew(_) => self.witness.expect_disturbance(from, from + self.longest_slew),
-            Action::Bus(fault) => match fault.arrival(event.lasts) {
-                Arrival::Late(by) => self.witness.expect_delay(from, until, by),
-                Arrival::Misstamped(by) => self.witness.expect_clock(from, until, by),
-                Arrival::AsSent => {}
-            },
-            // These change neither the pointing nor the arrival of packets.
-            Action::BusBackLoss { .. }
-            | Action::Safe
-            | Action::Resume
-            | Action::Frame { .. }
-            | Action::Aboard(_)
-            | Action::Trigger { .. } => {}
+        if matches!(event.action, Action::Slew(_)) {
+            self.witness.expect_disturbance(from, from + self.longest_slew);
+        }
+        // All others change neither the pointing nor the arrival of packets.
+        let Action::Bus(fault) = event.action else { return };
+        match fault.arrival(event.lasts) {
+            Arrival::Late(by) => self.witness.expect_delay(from, until, by),
+            Arrival::Misstamped(by) => self.witness.expect_clock(from, until, by),
+            Arrival::AsSent => {}
         }
     }
 

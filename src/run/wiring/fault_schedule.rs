@@ -7,7 +7,7 @@
 use base::{time::Span, units::DEG};
 use config::{Action, Event, Pointing};
 use firmware_protocol::can::CanId;
-use frames::sink::FrameFault;
+use frames::sink::{FrameFault, ImageFault, SendingFault};
 use glam::DVec3;
 use link::tap::LinkFault;
 use rand::rngs::StdRng;
@@ -101,12 +101,18 @@ impl Draw {
             3 => (Action::Bus(LinkFault::Duplicate { share: self.between(0.1, 1.0) }), self.between(2.0, 60.0)),
             4 => (Action::Bus(LinkFault::WrongBits { share: self.between(0.02, MOST_WRONG) }), self.between(2.0, 60.0)),
             5 => (Action::BusBackLoss { share: self.between(0.2, 1.0) }, self.between(2.0, 60.0)),
-            6 => (frame(FrameFault::Drop), self.between(2.0, 60.0)),
-            7 => (frame(FrameFault::Duplicate), self.between(2.0, 30.0)),
-            8 => (frame(FrameFault::Late(Span::from_s(self.scale(0.05, 1.5)))), self.between(2.0, 60.0)),
-            9 => (frame(FrameFault::Torn), self.between(2.0, 60.0)),
-            10 => (frame(FrameFault::Blank), self.between(2.0, 60.0)),
-            11 => (frame(FrameFault::StrayLight { e_per_s: self.scale(1e3, 1e7) }), self.between(2.0, 120.0)),
+            6 => (frame(FrameFault::Sending(SendingFault::Drop)), self.between(2.0, 60.0)),
+            7 => (frame(FrameFault::Sending(SendingFault::Duplicate)), self.between(2.0, 30.0)),
+            8 => (
+                frame(FrameFault::Sending(SendingFault::Late(Span::from_s(self.scale(0.05, 1.5))))),
+                self.between(2.0, 60.0),
+            ),
+            9 => (frame(FrameFault::Sending(SendingFault::Torn)), self.between(2.0, 60.0)),
+            10 => (frame(FrameFault::Image(ImageFault::Blank)), self.between(2.0, 60.0)),
+            11 => (
+                frame(FrameFault::Image(ImageFault::StrayLight { e_per_s: self.scale(1e3, 1e7) })),
+                self.between(2.0, 120.0),
+            ),
             12 => (Action::Aboard(VehicleFault::GyroDropout), self.between(1.0, 10.0)),
             13 => (Action::Aboard(VehicleFault::GyroStuck), self.between(1.0, 5.0)),
             14 => (Action::Aboard(VehicleFault::GyroBiasJump(self.rate(20.0 * DEG / 3600.0))), 0.0),

@@ -4,9 +4,10 @@
 //! flown. Heads share the stars and the almanac. With a calibrated display and a spacecraft inside, each frame is drawn
 //! twice: for the display, and as the spacecraft's own tracker sees it.
 
-use crate::runtime::{FrameEngine, Head, Imager, RunParams, receiver::Receiver};
+use crate::runtime::receiver::Receiver;
+use crate::runtime::{FrameEngine, Head, Imager, RunParams};
 use crate::wiring::display_parts::{calibrated_display, take_display};
-use crate::wiring::{bench_parts, faults::HeadSize, motion::script_scale};
+use crate::wiring::{bench_parts, bench_parts::script_scale, faults::HeadSize};
 use anyhow::{Context, Result};
 use base::clock::{Clock, Monotonic};
 use base::time::Tai;
@@ -29,7 +30,7 @@ pub(super) fn size_of(head: &Head) -> HeadSize {
 pub(super) fn make_receiver(scenario: &Scenario, heads: &[Head]) -> Result<Receiver> {
     let mut params = heads.iter().map(|head| &head.engine.params().attitude);
     let first = params.next().context("a run without a head")?;
-    let mut receiver = Receiver::new(first.clone())?.with_session(bench_parts::session_params(&scenario.bench));
+    let mut receiver = Receiver::new(first.clone())?.with_session(scenario.bench.session);
     params.try_for_each(|next| receiver.add_head(next))?;
     scenario.events.iter().filter_map(|event| event.on_trigger).for_each(|number| receiver.expect_trigger(number));
     Ok(receiver)

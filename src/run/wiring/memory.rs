@@ -85,9 +85,8 @@ pub struct MemoryError {
 impl RunMemory {
     /// Adds up a bench with these sinks. Every head counts as one with the largest camera of them.
     pub fn of(bench: &Bench, sinks: &[SinkSettings], form: RunForm) -> Self {
-        let pixels =
-            |head: &Bench| u64::from(head.camera.detector.width_px) * u64::from(head.camera.detector.height_px);
-        let largest = (0..bench.head_count()).map(|number| bench.of_head(number)).max_by_key(pixels);
+        let own_pixels = |head: &Bench| pixels([head.camera.detector.width_px, head.camera.detector.height_px]);
+        let largest = (0..bench.head_count()).map(|number| bench.of_head(number)).max_by_key(own_pixels);
         let mut memory = Self::of_heads(largest.as_ref().unwrap_or(bench), bench.head_count(), sinks, form);
         let on_pixels = bench.tracker_outs.iter().filter(|out| matches!(out.source, TrackerSource::Pixels { .. }));
         let frames: u64 = on_pixels.map(|out| FRAMES_WAITING as u64 * frame_bytes(&bench.of_head(out.head))).sum();
@@ -100,10 +99,8 @@ impl RunMemory {
     /// Adds up a bench with this many camera heads, as scenarios have.
     pub fn of_heads(bench: &Bench, heads: usize, sinks: &[SinkSettings], form: RunForm) -> Self {
         let heads = heads.max(1) as u64;
-        let mut memory = Self { parts: Vec::new() };
-        memory.add("program, tables and threads", FIXED_BYTES);
-        let detector = &bench.camera.detector;
-        let [width, height] = [detector.width_px, detector.height_px];
+        let mut memory = Self::of_program();
+        let [width, height] = [bench.camera.detector.width_px, bench.camera.detector.height_px];
         let is_reference = bench.render.backend == Backend::Reference;
         let images = heads * detector_bytes(&bench.camera, is_reference);
         memory.add(&format!("images and maps of the detector ({width} x {height} px, heads: {heads})"), images);
@@ -126,8 +123,7 @@ impl RunMemory {
 
     /// Adds up one image of a camera, as `starloop render` draws it, from layers of stars or the built-in catalog.
     pub fn of_image(camera: &Camera, is_reference: bool, layers_mb: Option<u32>) -> Self {
-        let mut memory = Self { parts: Vec::new() };
-        memory.add("program, tables and threads", FIXED_BYTES);
+        let mut memory = Self::of_program();
         let [width, height] = [camera.detector.width_px, camera.detector.height_px];
         let images = detector_bytes(camera, is_reference);
         memory.add(&format!("images and maps of the detector ({width} x {height} px)"), images);
@@ -142,25 +138,30 @@ impl RunMemory {
 
     /// Adds up cameras that draw single images side by side, `cameras` of them.
     pub fn of_images(camera: &Camera, cameras: usize) -> Self {
-        let mut memory = Self { parts: Vec::new() };
-        memory.add("program, tables and threads", FIXED_BYTES);
-        for part in Self::of_image(camera, false, None).parts.into_iter().skip(1) {
-            memory.add(&format!("{}, for {cameras} workers", part.name), part.bytes.saturating_mul(cameras as u64));
-        }
-        memory
+        Self::of_image(camera, false, None).side_by_side(cameras, &format!(", for {cameras} workers"))
     }
 
     /// Adds up closed loops that are flown side by side on `threads` threads, at most `loops` of them, with no sinks.
     pub fn of_loops(bench: &Bench, heads: usize, loops: usize, threads: usize) -> Self {
         let one = Self::of_heads(bench, heads, &[], RunForm { is_real: false, has_view: false });
         let side_by_side = loops.min(threads.saturating_mul(LOOPS_PER_THREAD)).max(1);
+        let what = format!(", for {side_by_side} closed loops (RAYON_NUM_THREADS = {threads})");
+        one.side_by_side(side_by_side, &what)
+    }
+
+    fn of_program() -> Self {
         let mut memory = Self { parts: Vec::new() };
         memory.add("program, tables and threads", FIXED_BYTES);
-        for part in one.parts.into_iter().skip(1) {
-            let name = format!("{}, for {side_by_side} closed loops (RAYON_NUM_THREADS = {threads})", part.name);
-            memory.add(&name, part.bytes.saturating_mul(side_by_side as u64));
-        }
         memory
+    }
+
+    /// Returns the memory of so many side by side in one program, which `what` says in the name of each part.
+    fn side_by_side(mut self, count: usize, what: &str) -> Self {
+        for part in self.parts.iter_mut().skip(1) {
+            part.name.push_str(what);
+            part.bytes = part.bytes.saturating_mul(count as u64);
+        }
+        self
     }
 
     fn add(&mut self, name: &str, bytes: u64) {
@@ -213,11 +214,6 @@ impl RunMemory {
             Sink::Display(_) => self.add(&format!("pictures of the display ({place})"), DISPLAY_PICTURES * frame),
             Sink::Null => {}
         }
-    }
-
-    /// Returns the parts, unordered.
-    pub fn parts(&self) -> &[MemoryPart] {
-        &self.parts
     }
 
     /// Returns the sum, bytes.
@@ -409,7 +405,7 @@ mod tests {
     #[test]
     fn ring_in_shared_memory_is_outside_the_address_space() {
         let memory = memory(4096, "[sink]\nkind = \"shared_memory\"\nslots = 64\n", REAL);
-        let ring: u64 = memory.parts().iter().filter(|part| !part.is_in_process).map(|part| part.bytes).sum();
+        let ring: u64 = memory.parts.iter().filter(|part| !part.is_in_process).map(|part| part.bytes).sum();
         assert!(ring >= 64 * 2 * 4096 * 4096);
         let limit = Available { bytes: memory.total() - ring, limit: MemoryLimit::AddressSpace };
         memory.check_against(None, Some(limit)).expect("it fits without the ring");

@@ -4,15 +4,20 @@
 //! buffers. Each head has four buffers: a delay beyond three frames loses some, counted. Frames go to the trackers as
 //! the sink threads deliver them; a vehicle looks every [`POLL`]. Orders from outside, such as events that are
 //! injected, reach the frame thread between two slots and the far end's thread between two steps.
+//!
+//! Flies an assembled run to its end, on the clock that it has.
 
 use crate::runtime::hygiene::{Hygiene, Role};
-use crate::runtime::real_parts::{Setting, Sources};
+use crate::runtime::real_head::{Setting, Sources};
 use crate::runtime::{RunError, RunRecord};
+use crate::runtime::{error::FarEndError, real_time::run_in};
+use crate::wiring::error::{LoopError, Result};
 use crate::wiring::steering::{FarOrder, Orders};
 use crate::wiring::verdict::{Promise, limits};
-use crate::wiring::{assemble::Run, error::LoopError, far_side::FarSide, replay::Recording};
-use crate::wiring::{landing::Landing, run_end::RunEnd};
-use crate::{runtime::error::FarEndError, runtime::real_time::run_in};
+use crate::wiring::{
+    assemble::Run, far_side::FarSide, landing::Landing, replay::Recording, run_clock::RunClock, run_end::RunEnd,
+    stepped::SteppedRun,
+};
 use base::clock::{Clock, Monotonic};
 use base::time::Span;
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -31,7 +36,7 @@ pub(super) fn fly(
     clock: &Arc<Monotonic>,
     stop: &Arc<AtomicBool>,
     progress: &mut dyn FnMut(usize, &SentFrame, &RunRecord),
-) -> Result<RunEnd, LoopError> {
+) -> Result<RunEnd> {
     let mut far = run.far_side()?;
     let notes = run.place_events(&mut far)?;
     let promise = Promise::of(&run.scenario, &run.heads);
@@ -114,7 +119,7 @@ struct Flight {
 type FarThread = JoinHandle<Result<FarSide, FarEndError>>;
 
 impl Flight {
-    fn start(self, hygiene: Option<Arc<Hygiene>>) -> Result<FarThread, LoopError> {
+    fn start(self, hygiene: Option<Arc<Hygiene>>) -> Result<FarThread> {
         let flight = move || {
             if let Some(hygiene) = hygiene {
                 hygiene.enter(Role::FarEnd);
@@ -146,5 +151,30 @@ fn joined(thread: FarThread) -> Result<FarSide, RunError> {
         Ok(Ok(far)) => Ok(far),
         Ok(Err(error)) => Err(RunError::FarEnd(error)),
         Err(_panicked) => Err(RunError::ThreadLost { name: "far end" }),
+    }
+}
+
+impl Run {
+    /// Flies the run to its end, or until `stop` is set. `progress` is called after each frame with the number of its
+    /// head, and must not block.
+    ///
+    /// # Errors
+    /// When the run cannot start; the result states why a started run ended early.
+    pub fn fly(
+        self,
+        stop: &Arc<AtomicBool>,
+        progress: &mut dyn FnMut(usize, &SentFrame, &RunRecord),
+    ) -> Result<RunEnd> {
+        match self.clock.clone() {
+            RunClock::Real(clock) => fly(self, &clock, stop, progress),
+            RunClock::Virtual(_) => {
+                let mut run = SteppedRun::of(self)?;
+                let error = run.run_to_end(&mut |head, frame, record| {
+                    progress(head, frame, record);
+                    !stop.load(Ordering::Relaxed)
+                });
+                Ok(run.end(error.err()))
+            }
+        }
     }
 }

@@ -1,14 +1,16 @@
 //! Results of a run, finished or in progress, and their expected values by linear theory.
 
-use crate::runtime::{EventKind, Head, PortReading, RunParams, RunRecord, receiver::Receiver};
+use crate::runtime::receiver::Receiver;
+use crate::runtime::{EventKind, Head, PortReading, RunParams, RunRecord};
 use crate::wiring::verdict::{CutShort, Facts, Promise, verdict};
-use crate::wiring::{assessment::Assessment, error::LoopError, faults::FaultLine, run_times::RunTimes};
+use crate::wiring::{assessment::Assessment, error::LoopError, faults::FaultLine, run_clock::RunTimes};
 use base::time::{Span, Tai};
 use base::units::ARCSEC;
 use frames::report::{FrameAccount, GatewayRow, HygieneLine, Losses, RunSummary, RunVerdict};
 use frames::sink::{SinkLine, SinkSummary};
+use testbed::acs::{linear::PointingLoop, pointing_error::PointingNoise};
 use testbed::estimator::{GyroNoise, MekfCounts};
-use testbed::{acs::linear::PointingLoop, acs::pointing_error::PointingNoise, vehicle::Vehicle};
+use testbed::vehicle::Vehicle;
 
 /// Counts of a run's spacecraft, and their expected values by linear theory.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -65,10 +65,9 @@ fn place(number: usize) -> String {
 /// Returns one sink.
 fn make(settings: &SinkSettings, number: usize, setting: &SinkSetting<'_>) -> Result<Box<dyn Sink>> {
     match &settings.sink {
-        Kind::Recorder { directory, fits, ser, png_every } => {
-            let options = RecorderOptions { fits: *fits, truth: true, png_every: *png_every, ser: *ser };
+        Kind::Recorder { directory, options } => {
             let directory = files_of(number, directory.as_deref(), setting);
-            Ok(Box::new(Recorder::create(directory, options)?))
+            Ok(Box::new(Recorder::create(directory, *options)?))
         }
         Kind::SharedMemory { path, slots } => {
             let path = name_of_head(&path.display().to_string(), setting.head);
@@ -176,7 +175,7 @@ fn iceoryx(service: &str, _slots: u32, _setting: &SinkSetting<'_>) -> Result<Box
 pub fn described(settings: &SinkSettings) -> String {
     let kind = settings.sink.kind();
     match &settings.sink {
-        Kind::Recorder { directory, fits, ser, png_every } => {
+        Kind::Recorder { directory, options: RecorderOptions { fits, ser, png_every, .. } } => {
             let png = if *png_every > 0 { format!("a PNG of every {png_every}. frame") } else { String::new() };
             let forms = [if *fits { "FITS" } else { "" }, if *ser { "SER" } else { "" }, &png, "truth tables"];
             let forms: Vec<&str> = forms.into_iter().filter(|form| !form.is_empty()).collect();

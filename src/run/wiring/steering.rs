@@ -7,11 +7,11 @@
 //! this delays is counted as late. Tests: `tests/closed_loop/control.rs`.
 
 use crate::runtime::ledger::{Event as LedgerEvent, EventKind};
-use crate::runtime::{Head, PlantSample, RunError, RunRecord, real_parts::FrameOrder, receiver::Receiver};
-use crate::wiring::fault_desk::{FaultDesk, lock, make_ready};
-use crate::wiring::{
-    control::NewestFrames, error::LoopError, far_side::FarSide, replay::SampleTap, run_times::RunTimes,
-};
+use crate::runtime::{Head, PlantSample, RunError, RunRecord};
+use crate::runtime::{real_head::FrameOrder, receiver::Receiver};
+use crate::wiring::error::{LoopError, Result};
+use crate::wiring::faults::{FaultDesk, lock, make_ready};
+use crate::wiring::{control::NewestFrames, far_side::FarSide, replay::SampleTap, run_clock::RunTimes};
 use base::clock::Clock;
 use base::time::{Span, Tai};
 use config::{Action, Event};
@@ -136,7 +136,7 @@ impl Steering {
         lock(&self.attached).is_some() || self.ended().is_some()
     }
 
-    fn attached(&self) -> Result<Attached, LoopError> {
+    fn attached(&self) -> Result<Attached> {
         let none = || LoopError::Parts(anyhow::anyhow!("the run has not begun, or is over"));
         lock(&self.attached).clone().ok_or_else(none)
     }
@@ -145,7 +145,7 @@ impl Steering {
     ///
     /// # Errors
     /// When the run has not started, or is over.
-    pub fn now(&self) -> Result<(RunTimes, Tai), LoopError> {
+    pub fn now(&self) -> Result<(RunTimes, Tai)> {
         self.attached().map(|attached| (attached.times, attached.clock.now()))
     }
 
@@ -161,7 +161,7 @@ impl Steering {
     pub fn on_frame_thread<T: Send + 'static>(
         &self,
         order: impl FnOnce(&mut [&mut Head], &mut Receiver, &mut RunRecord, Tai) -> T + Send + 'static,
-    ) -> Result<T, LoopError> {
+    ) -> Result<T> {
         let (done, answer) = bounded(1);
         let order: FrameOrder = Box::new(move |heads, receiver, record, release| {
             let _ = done.try_send(order(heads, receiver, record, release)); // the client may be gone
@@ -174,7 +174,7 @@ impl Steering {
     pub(super) fn on_far_end<T: Send + 'static>(
         &self,
         order: impl FnOnce(&mut FarSide) -> T + Send + 'static,
-    ) -> Result<T, LoopError> {
+    ) -> Result<T> {
         let (done, answer) = bounded(1);
         let order: FarOrder = Box::new(move |far| {
             let _ = done.try_send(order(far)); // the client may be gone
@@ -188,7 +188,7 @@ impl Steering {
     ///
     /// # Errors
     /// When the run is over, or too many wait.
-    pub fn send_samples(&self, samples: &[PlantSample]) -> Result<usize, LoopError> {
+    pub fn send_samples(&self, samples: &[PlantSample]) -> Result<usize> {
         let attached = self.attached()?;
         let waiting = attached.samples.len();
         if waiting + samples.len() > SAMPLES {
@@ -211,7 +211,7 @@ impl Steering {
     ///
     /// # Errors
     /// When the run is over or does not answer.
-    pub(super) fn note_bad_samples(&self) -> Result<(), LoopError> {
+    pub(super) fn note_bad_samples(&self) -> Result<()> {
         let at = self.now()?.1;
         self.on_frame_thread(move |_, _, record, _| {
             record.ledger.note(LedgerEvent::new(EventKind::SampleRefused, at, None, Span::ZERO));
@@ -222,7 +222,7 @@ impl Steering {
     ///
     /// # Errors
     /// When the run is over or does not answer.
-    pub fn numbers(&self) -> Result<RunNumbers, LoopError> {
+    pub fn numbers(&self) -> Result<RunNumbers> {
         self.on_frame_thread(|_, _, record, _| record.numbers(None))
     }
 
@@ -230,7 +230,7 @@ impl Steering {
     ///
     /// # Errors
     /// When it names a head or wheel that does not exist, or the run is over.
-    pub fn inject(&self, event: &Event) -> Result<Event, LoopError> {
+    pub fn inject(&self, event: &Event) -> Result<Event> {
         let attached = self.attached()?;
         lock(&attached.desk).check(event)?;
         let (event, desk, clock) = (*event, Arc::clone(&attached.desk), Arc::clone(&attached.clock));
@@ -255,7 +255,7 @@ impl Steering {
     ///
     /// # Errors
     /// When the flight computer cannot take it, or the run is over.
-    pub fn trigger(&self, number: u16, at: Option<Tai>, is_outside: bool) -> Result<(), LoopError> {
+    pub fn trigger(&self, number: u16, at: Option<Tai>, is_outside: bool) -> Result<()> {
         let (times, now) = self.now()?;
         if is_outside {
             let at = at.unwrap_or(now).max(now) - times.zero;

@@ -9,13 +9,12 @@ use crate::runtime::exposing::Exposing;
 use crate::runtime::virtual_time::{VirtualLoop, World, last_release};
 use crate::runtime::{Head, Ledger, PlantSample, PortReading, RunError, RunRecord, TrackerOutput};
 use crate::wiring::assemble::{Outputs, Run, RunOptions};
-use crate::wiring::fault_desk::{lock, make_ready};
+use crate::wiring::error::{LoopError, Result};
+use crate::wiring::faults::{FaultLine, lock, make_ready};
+use crate::wiring::run_clock::{RunClock, RunTimes};
 use crate::wiring::run_end::{Flown, LoopView, RunEnd};
 use crate::wiring::verdict::{CutShort, Facts, Promise, limits, verdict};
-use crate::wiring::{
-    error::LoopError, far_side::FarSide, faults::FaultLine, landing::Landing, outside_trackers::outside_trackers,
-    run_clock::RunClock, run_times::RunTimes,
-};
+use crate::wiring::{far_side::FarSide, landing::Landing, tracker_outs::outside_trackers};
 use base::time::Tai;
 use config::{Event, Plant, Scenario};
 use core::cell::RefCell;
@@ -38,7 +37,7 @@ impl SteppedRun {
     ///
     /// # Errors
     /// The first part that cannot be made.
-    pub fn new(scenario: &Scenario, mut sink: impl FnMut(usize) -> Box<dyn Sink>) -> Result<Self, LoopError> {
+    pub fn new(scenario: &Scenario, mut sink: impl FnMut(usize) -> Box<dyn Sink>) -> Result<Self> {
         Self::of(Run::assemble(scenario, RunOptions::stepped(Outputs::Made(&mut sink)))?)
     }
 
@@ -46,7 +45,7 @@ impl SteppedRun {
     ///
     /// # Errors
     /// When it is on the real clock, its cable cannot be opened or its far end cannot be made.
-    pub fn of(mut run: Run) -> Result<Self, LoopError> {
+    pub fn of(mut run: Run) -> Result<Self> {
         let RunClock::Virtual(clock) = run.clock.clone() else {
             return Err(anyhow::anyhow!("the real clock cannot be stepped; wanted the virtual clock").into());
         };
@@ -70,7 +69,7 @@ impl SteppedRun {
     ///
     /// # Errors
     /// When it names a head or wheel that does not exist.
-    pub fn inject(&mut self, event: &Event) -> Result<(), LoopError> {
+    pub fn inject(&mut self, event: &Event) -> Result<()> {
         let now = self.now();
         let Run { desk, heads, receiver, taps, times, .. } = &mut self.run;
         let mut desk = lock(desk);
@@ -93,7 +92,7 @@ impl SteppedRun {
     ///
     /// # Errors
     /// When the plant is internal, or a sample is bad.
-    pub fn take_plant(&mut self, samples: &[PlantSample]) -> Result<(), LoopError> {
+    pub fn take_plant(&mut self, samples: &[PlantSample]) -> Result<()> {
         let refuse = |why: String| LoopError::Event { what: "plant", why };
         if self.run.scenario.plant != Plant::Outside {
             let why = "the spacecraft is moved inside the program; wanted a bench with plant.kind = \"outside\"";
@@ -122,7 +121,7 @@ impl SteppedRun {
     ///
     /// # Errors
     /// When the head has no tracker.
-    pub fn tracker_output(&self, head: usize) -> Result<Option<TrackerOutput>, LoopError> {
+    pub fn tracker_output(&self, head: usize) -> Result<Option<TrackerOutput>> {
         if let Some(tracker) = self.going.trackers.get(head).and_then(Option::as_ref) {
             return Ok(tracker.output(self.now()));
         }
@@ -145,8 +144,8 @@ impl SteppedRun {
     ///
     /// # Errors
     /// When no sample is near: before the first one, or before the kept ones.
-    pub fn attitude_at(&self, at: Tai) -> Result<EstimatedAttitude, LoopError> {
-        let estimated = state_at(self.run.receiver.history(), at, &self.run.receiver.params().estimate);
+    pub fn attitude_at(&self, at: Tai) -> Result<EstimatedAttitude> {
+        let estimated = state_at(&self.run.receiver.history, at, &self.run.receiver.params.settings.estimate);
         estimated.map_err(|error| LoopError::Parts(error.into()))
     }
 
@@ -181,7 +180,7 @@ impl SteppedRun {
     ///
     /// # Errors
     /// When no spacecraft is flown inside.
-    pub fn with_vehicle_mut<T>(&mut self, act: impl FnOnce(&mut Vehicle, Tai) -> T) -> Result<T, LoopError> {
+    pub fn with_vehicle_mut<T>(&mut self, act: impl FnOnce(&mut Vehicle, Tai) -> T) -> Result<T> {
         let now = self.now();
         self.far.get_mut().vehicle_mut().map(|vehicle| act(vehicle, now)).ok_or(LoopError::NothingFlown)
     }
@@ -190,21 +189,17 @@ impl SteppedRun {
     ///
     /// # Errors
     /// When the head does not exist.
-    pub fn with_exposing<T>(
-        &mut self,
-        head: usize,
-        act: impl FnOnce(&mut Exposing, &mut Ledger) -> T,
-    ) -> Result<T, LoopError> {
+    pub fn with_exposing<T>(&mut self, head: usize, act: impl FnOnce(&mut Exposing, &mut Ledger) -> T) -> Result<T> {
         let heads = self.run.heads.len();
         let no_head =
             || LoopError::Event { what: "camera", why: format!("head is {head}; there are {heads}, counted from 0") };
         let head = self.run.heads.get_mut(head).ok_or_else(no_head)?;
-        Ok(act(head.engine.exposing_mut(), &mut self.going.record.ledger))
+        Ok(act(&mut head.engine.exposing, &mut self.going.record.ledger))
     }
 
     /// Returns true when the last frame is out.
     pub fn is_finished(&self) -> bool {
-        let is_drawn = |head: &Head| head.engine.exposing().next().is_over(self.now());
+        let is_drawn = |head: &Head| head.engine.exposing.next().is_over(self.now());
         let is_out = self.now() >= self.last_release() && self.going.on_the_way().0 == 0;
         is_out && self.run.heads.iter().all(is_drawn)
     }
@@ -219,7 +214,7 @@ impl SteppedRun {
         &mut self,
         at: Tai,
         on_frame: &mut dyn FnMut(usize, &mut SentFrame, &RunRecord) -> bool,
-    ) -> Result<(), LoopError> {
+    ) -> Result<()> {
         let drawn = self.last_release();
         self.go(on_frame, |going, heads, world| going.advance_to(at.min(drawn), heads, world))?;
         // Everything is drawn: the run is over when the last frame is out, even if other events would follow.
@@ -240,7 +235,7 @@ impl SteppedRun {
     /// Calls `look` with the present results of the run; the caller supplies the frames' CRC-32 of each head.
     pub fn look<T>(&self, frames_crc32: Vec<u32>, look: impl FnOnce(&LoopView<'_>) -> T) -> T {
         let far = self.far.borrow();
-        let assessment = far.witness.assessment();
+        let assessment = &far.witness.assessment;
         let flown = Flown::of(far.vehicle(), assessment, self.run.heads[0].engine.params());
         let facts = Facts {
             record: self.record(),
@@ -276,10 +271,7 @@ impl SteppedRun {
     ///
     /// # Errors
     /// When a part of the loop failed.
-    pub fn run_to_end(
-        &mut self,
-        on_frame: &mut dyn FnMut(usize, &mut SentFrame, &RunRecord) -> bool,
-    ) -> Result<(), LoopError> {
+    pub fn run_to_end(&mut self, on_frame: &mut dyn FnMut(usize, &mut SentFrame, &RunRecord) -> bool) -> Result<()> {
         self.go(on_frame, VirtualLoop::finish)
     }
 
@@ -288,10 +280,7 @@ impl SteppedRun {
     ///
     /// # Errors
     /// When a part of the loop failed.
-    pub fn finish_early(
-        &mut self,
-        on_frame: &mut dyn FnMut(usize, &mut SentFrame, &RunRecord) -> bool,
-    ) -> Result<(), LoopError> {
+    pub fn finish_early(&mut self, on_frame: &mut dyn FnMut(usize, &mut SentFrame, &RunRecord) -> bool) -> Result<()> {
         if self.is_finished() {
             return Ok(());
         }
@@ -322,7 +311,7 @@ impl SteppedRun {
         &mut self,
         on_frame: &mut dyn FnMut(usize, &mut SentFrame, &RunRecord) -> bool,
         advance: impl FnOnce(&mut VirtualLoop, &mut [Head], &mut World<'_>) -> Result<(), RunError>,
-    ) -> Result<(), LoopError> {
+    ) -> Result<()> {
         let Self { run: Run { heads, receiver, cable, outs, .. }, going, far, .. } = self;
         let (far, port) = (&*far, cable.as_mut().and_then(|cable| cable.near.first_mut()));
         let port = port.ok_or_else(|| anyhow::anyhow!("a run without a port"))?;

@@ -2,17 +2,20 @@
 //!
 //! In two steps, as a run is put together: taps around the sinks first, then, when the run connects and its clock runs,
 //! the lines, the threads of the real clock, or the list that the virtual clock's loop steps.
+//!
+//! The built-in star trackers beside an external plant: a checked scenario -> a tracker for each head.
 
-use crate::runtime::Head;
 use crate::runtime::tracker_out::{
-    Damage, DamageKind, OutShared, OutThread, Outlet, OutletError, TapParts, Telemeter, TelemeterParams, TrackerEyes,
-    UdpParams, tracker_tap,
+    OutShared, OutThread, Outlet, OutletError, TapParts, Telemeter, TelemeterParams, TrackerEyes, UdpParams,
+    tracker_tap,
 };
-use crate::wiring::vehicle_parts::{exposed_light, tracker_params};
-use crate::wiring::{error::LoopError, run_clock::RunClock, run_times::RunTimes};
+use crate::runtime::{Head, OutsideTracker};
+use crate::wiring::error::Result;
+use crate::wiring::run_clock::{RunClock, RunTimes};
+use crate::wiring::vehicle_parts::{camera_orders, exposed_light, tracker_params};
 use base::time::{Span, Tai};
 use base::{clock::Clock, refused::Refused};
-use config::{Scenario, TrackerLine, TrackerOut, TrackerOutFault, TrackerOutFaultKind, TrackerProtocol, TrackerSource};
+use config::{OutsideTrackers, Scenario, TrackerLine, TrackerOut, TrackerProtocol, TrackerSource};
 use frames::camera_control::{CameraDesk, desk};
 use frames::sink::NullSink;
 use link::{gateway::GatewayParams, simulated::SimulatedBus};
@@ -95,7 +98,7 @@ pub(super) fn tap_heads(
     heads: &mut [Head],
     start: Tai,
     folder: Option<&Path>,
-) -> Result<Vec<WaitingOut>, LoopError> {
+) -> Result<Vec<WaitingOut>> {
     let bench = &scenario.bench;
     // With a display, each head is there twice: as its tracker sees it, and for the display.
     let copies = heads.len().checked_div(bench.head_count()).unwrap_or(1);
@@ -127,10 +130,10 @@ pub(super) fn tap_heads(
                 (TrackerEyes::Model(TrackerModel::new(params, stars, seed, start)), None)
             }
         };
-        let exposure_s = head.engine.exposing().range().map(|range| range.exposure.map(Span::s));
+        let exposure_s = head.engine.exposing.range().map(|range| range.exposure.map(Span::s));
         let desk = exposure_s.map(|_| {
             let (desk, end) = desk();
-            head.engine.exposing_mut().add_desk(end);
+            head.engine.exposing.add_desk(end);
             desk
         });
         let device = device(settings, Limits { exposure_s }, own.camera.exposure.exposure_s);
@@ -151,7 +154,7 @@ struct Guides {
 }
 
 impl Guides {
-    fn of(&mut self, params: &TrackerParams, start: Tai) -> Result<Arc<GuideStars>, LoopError> {
+    fn of(&mut self, params: &TrackerParams, start: Tai) -> Result<Arc<GuideStars>> {
         if let Some((_, guide)) = self.made.iter().find(|(known, _)| known == params) {
             return Ok(Arc::clone(guide));
         }
@@ -183,7 +186,7 @@ impl TrackerOuts {
         bus: Option<&SimulatedBus>,
         clock: &RunClock,
         times: RunTimes,
-    ) -> Result<Self, LoopError> {
+    ) -> Result<Self> {
         let mut outs = Self::default();
         for out in waiting {
             let place = out.shared.place.clone();
@@ -220,25 +223,12 @@ impl TrackerOuts {
 
 impl WaitingOut {
     fn telemeter(self, outlet: Outlet, clock: &Arc<dyn Clock>, times: RunTimes) -> Telemeter {
-        let damage = |fault: &TrackerOutFault| Damage {
-            kind: match fault.kind {
-                TrackerOutFaultKind::Drop => DamageKind::Drop,
-                TrackerOutFaultKind::Corrupt => DamageKind::Corrupt,
-                TrackerOutFaultKind::Freeze => DamageKind::Freeze,
-                TrackerOutFaultKind::Invalid => DamageKind::Invalid,
-                TrackerOutFaultKind::Bias => DamageKind::Bias(fault.bias_rad),
-                TrackerOutFaultKind::Late => DamageKind::Late(fault.late),
-            },
-            from: times.zero + fault.at,
-            until: times.zero + fault.at + fault.lasts,
-            share: fault.share,
-        };
         let params = TelemeterParams {
             after_exposure: self.after_exposure,
             tag_error: self.settings.tag_error,
             period: self.settings.rate_hz.map(|hz| Span::from_s(1.0 / hz)),
             zero: times.zero,
-            damages: self.settings.faults.iter().map(damage).collect(),
+            faults: self.settings.faults,
             seed: self.seed,
         };
         let parts = ((self.eyes, self.device), (self.parts, outlet));
@@ -277,13 +267,7 @@ fn outlet(out: &WaitingOut, bus: Option<&SimulatedBus>, clock: &RunClock) -> Res
         TrackerLine::Serial { path, baud } => Outlet::serial(path, *baud, &clock),
         TrackerLine::Pty { path } => Outlet::terminal(path),
         TrackerLine::SocketCan { interface } => {
-            let node = match out.settings.protocol {
-                TrackerProtocol::CanOpen { node, .. } => node,
-                TrackerProtocol::Json
-                | TrackerProtocol::Nos3
-                | TrackerProtocol::Sagitta
-                | TrackerProtocol::Ccsds { .. } => 0,
-            };
+            let node = if let TrackerProtocol::CanOpen { node, .. } = out.settings.protocol { node } else { 0 };
             Outlet::socketcan(interface, node, &clock)
         }
         TrackerLine::SlcanPty { path, bit_rate } => {
@@ -304,4 +288,22 @@ fn outlet(out: &WaitingOut, bus: Option<&SimulatedBus>, clock: &RunClock) -> Res
             Outlet::file(&folder.join(path))
         }
     }
+}
+
+/// Returns the tracker of each head, if the scenario has any; equal trackers share one list of guide stars.
+pub(super) fn outside_trackers(scenario: &Scenario, start: Tai) -> Result<Vec<Option<OutsideTracker>>> {
+    let Some(OutsideTrackers { delay, tag_error, most_stars, commands }) = scenario.trackers else {
+        return Ok(Vec::new());
+    };
+    let mut guides = Guides::default();
+    let mut trackers = Vec::with_capacity(scenario.bench.head_count());
+    for number in 0..scenario.bench.head_count() {
+        let bench = scenario.bench.of_head(number);
+        let params = tracker_params(&bench.camera, most_stars);
+        let guide = guides.of(&params, start)?;
+        let mut tracker = OutsideTracker::new(params, guide, delay, tag_error);
+        tracker.set_orders(camera_orders(commands, &bench));
+        trackers.push(Some(tracker));
+    }
+    Ok(trackers)
 }

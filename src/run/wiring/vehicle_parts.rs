@@ -2,16 +2,19 @@
 //!
 //! Data that a flight computer and a tracker would find in data sheets come from the scenario's files; the limits of
 //! the mode logic are set here, from the camera and the control's bandwidths.
+//!
+//! Random numbers from a seed, for starts and schedules.
 
-use crate::wiring::seeded::uniforms;
 use base::axes::{Icrf, Rotation, attitude_of_uniforms, sensor_from_ra_dec_roll};
 use base::time::{Span, Tai};
 use base::units::{ARCSEC, DEG};
-use config::{self, Bench, Camera, JitterSource, Observer, Pointing, Scenario, TrackerCommands, Vehicle};
+use config::{Bench, Camera, JitterSource, Observer, OrbitSettings, Pointing, Scenario, TrackerCommands, Vehicle};
 use frames::camera_control::{EXPOSURE_LEAST, longest_exposure_s};
 use glam::{DMat3, DVec3};
 use image::detector::levels::Levels;
 use plan::optics::mtf::MtfChain;
+use rand::rngs::StdRng;
+use rand::{RngExt, SeedableRng};
 use testbed::acs::{AcsParams, Gains, KeepOut, SafeParams, SlewLimits, StructuralFilter, Thresholds, UnloadParams};
 use testbed::estimator::MekfParams;
 use testbed::spacecraft::{CircularOrbitParams, SpacecraftParams};
@@ -68,8 +71,12 @@ pub fn attitude(pointing: &Pointing) -> Rotation<base::axes::Sensor, Icrf> {
 
 fn spacecraft_params(scenario: &Scenario, craft: &config::Spacecraft, epoch: Tai) -> SpacecraftParams {
     let mut params = craft.params.clone();
-    if let Observer::CircularOrbit { altitude_km, inclination_deg, raan_deg, argument_of_latitude_deg } =
-        &scenario.bench.observer
+    if let Observer::Orbit(OrbitSettings::Circular {
+        altitude_km,
+        inclination_deg,
+        raan_deg,
+        argument_of_latitude_deg,
+    }) = &scenario.bench.observer
     {
         params.orbit = CircularOrbitParams {
             epoch,
@@ -207,7 +214,7 @@ pub fn exposed_light(camera: &Camera, params: &TrackerParams) -> ExposedLight {
 
 /// Returns the parameters of a tracker behind this camera, as in its data sheet and calibration.
 pub fn tracker_params(camera: &Camera, most_stars: usize) -> TrackerParams {
-    let (detector, optics, d) = (&camera.detector, &camera.optics, &camera.distortion);
+    let (detector, optics, d) = (&camera.detector, &camera.optics, &camera.distortion.coefficients);
     let focal_px = optics.focal_length_mm * 1e3 / detector.pixel_pitch_um;
     let output = detector.params.spatial.output([detector.width_px, detector.height_px].map(|side| side as usize));
     let binning = f64::from(output.binning);
@@ -260,4 +267,10 @@ pub fn tracker_params(camera: &Camera, most_stars: usize) -> TrackerParams {
         most_stars,
         ..TrackerParams::new(geometry, figures, (psf_sigma_px / binning).max(0.3))
     }
+}
+
+/// Returns `N` numbers, uniform in `0..1`.
+pub fn uniforms<const N: usize>(seed: u64) -> [f64; N] {
+    let mut dice = StdRng::seed_from_u64(seed);
+    core::array::from_fn(|_| dice.random())
 }

@@ -4,12 +4,13 @@
 //! ([`FrameAccount`]), and one word with its reasons ([`RunVerdict`]). The same on both clocks and in a run's replay.
 //! Tests: `tests/closed_loop/verdicts.rs`, `hil_scripts/test_broken_benches.py`.
 
-use crate::runtime::run_word::{Missing, missing};
-use crate::runtime::{EventKind, Head, PortReading, RunRecord, exposing::Exposing, receiver::Receiver};
+use crate::runtime::record::{Missing, missing};
+use crate::runtime::{EventKind, Head, PortReading, RunRecord};
+use crate::runtime::{exposing::Exposing, receiver::Receiver};
 use base::time::Tai;
-use config::{Bench, Carrier, GatewayPorts, Link, Scenario, SessionStart, Wire};
+use config::{Bench, Carrier, Link, Scenario, SessionStart};
 use frames::report::{FrameAccount, FrameEnd, Losses, Reason, RunLimits, RunVerdict, RunWord};
-use link::plain::Encoding;
+use link::{WireFormat, gateway::GatewayParams, plain::Encoding};
 
 /// How a run ended before its last frame, other than by an error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,7 +45,7 @@ impl Promise {
         let frames = heads.iter().enumerate().map(|(number, head)| {
             let is_triggered =
                 bench.trigger_lines.iter().any(|line| line.is_armed && line.head.is_none_or(|of| of == number));
-            (!is_triggered).then(|| head.engine.exposing().own_exposures())
+            (!is_triggered).then(|| head.engine.exposing.own_exposures())
         });
         let links = core::iter::once(&bench.link).chain(&bench.extra_links);
         Self {
@@ -87,7 +88,7 @@ fn link_name(link: &Link) -> String {
     match &link.carrier {
         Carrier::Simulated(_) => "the simulated bus".into(),
         Carrier::SocketCan { interface } => interface.clone(),
-        Carrier::SerialPort(port) => port.port.display().to_string(),
+        Carrier::SerialPort { port, .. } => port.path.display().to_string(),
         Carrier::Udp { listen } => format!("udp {listen}"),
         Carrier::Tcp { address, .. } => format!("tcp {address}"),
     }
@@ -98,17 +99,19 @@ fn advice(bench: &Bench) -> &'static str {
     let is_of_42 =
         bench.link.plain.as_ref().is_some_and(|plain| matches!(plain.layout.encoding, Encoding::FortyTwo(_)));
     match (&bench.link.wire, &bench.link.carrier) {
-        (Wire::Plain, _) if is_of_42 => {
+        (WireFormat::Plain, _) if is_of_42 => {
             "check that 42 sends to this address, that spacecraft_number is a spacecraft of its SC[n] lines, and encoding"
         }
-        (Wire::Plain, _) => {
+        (WireFormat::Plain, _) => {
             "check that the other end sends to this address, and encoding, order of values and sender of both ends"
         }
-        (Wire::Serial, _) => "check that the other end sends, and baud rate, parity and node of both ends",
-        (Wire::CanFd | Wire::CanClassic, Carrier::Simulated(ports)) if *ports == GatewayPorts::default() => {
+        (WireFormat::Serial, _) => "check that the other end sends, and baud rate, parity and node of both ends",
+        (WireFormat::CanFd | WireFormat::CanClassic, Carrier::Simulated(ports))
+            if *ports == GatewayParams::default() =>
+        {
             "send samples over the control socket, or name a link of the machine"
         }
-        (Wire::CanFd | Wire::CanClassic, _) => {
+        (WireFormat::CanFd | WireFormat::CanClassic, _) => {
             "check that the other end sends, and node, id_bits, id_base, wire and bit rate of both ends"
         }
     }
@@ -166,7 +169,7 @@ pub(super) fn verdict(promise: &Promise, facts: &Facts<'_>) -> RunVerdict {
 
 /// A run without a single attitude from outside is never `ok`, whatever its limits.
 fn add_silence(verdict: &mut RunVerdict, promise: &Promise, facts: &Facts<'_>) {
-    let accepted = facts.receiver.history().counts().accepted;
+    let accepted = facts.receiver.history.counts().accepted;
     let was_due = facts.record.account.scheduled() > 0;
     if promise.is_external && accepted == 0 && was_due {
         let refused: u64 = facts.ports.iter().map(PortReading::refused_messages).sum();
@@ -228,8 +231,8 @@ fn not_exposed(facts: &Facts<'_>) -> String {
     if facts.cut_short.is_some() || facts.failure.is_some() {
         return "the run ended early".into();
     }
-    let commanded = |exposing: &&Exposing| exposing.is_commanded();
-    let Some(exposing) = facts.heads.iter().map(|head| head.engine.exposing()).find(commanded) else {
+    let commanded = |exposing: &&Exposing| exposing.is_commanded;
+    let Some(exposing) = facts.heads.iter().map(|head| &head.engine.exposing).find(commanded) else {
         return String::new();
     };
     let start = exposing.next_start();

@@ -32,7 +32,8 @@ const SHORTEST_FAULT_S: f64 = 1.0;
 
 /// The witness of one run.
 pub struct Witness {
-    assessment: Assessment,
+    /// The sums so far.
+    pub assessment: Assessment,
     heads: Vec<Rotation<Sensor, Body>>,
     /// Start and end of faults, in order of their start.
     faults: Vec<(Tai, Tai)>,
@@ -54,11 +55,6 @@ impl Witness {
             recovery: Span::from_s(scenario.expect.recovery_s),
             judged_faults: 0,
         }
-    }
-
-    /// Returns the sums so far.
-    pub fn assessment(&self) -> &Assessment {
-        &self.assessment
     }
 
     /// Announces that a fault will act or a slew will be made.
@@ -131,7 +127,7 @@ impl Witness {
 
     /// Checks the invariants that need the end of the run.
     pub fn finish(mut self, record: &RunRecord, faults: &[FaultLine], now: Tai) -> Assessment {
-        let now_s = (now - self.assessment.zero()).s();
+        let now_s = (now - self.assessment.zero).s();
         for fault in faults {
             let lasted_s = now_s.min(fault.until_s) - fault.from_s;
             if fault.hits == 0 && lasted_s >= SHORTEST_FAULT_S {

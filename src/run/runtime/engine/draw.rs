@@ -1,9 +1,10 @@
 //! The second half of a frame: the line of sight is known; sources, plan, image, truth and metadata follow.
 
 use super::{FrameEngine, note};
-use crate::runtime::describe::{describe_exposure, describe_pointing, fill_meta};
-use crate::runtime::ledger::{Event, EventKind, Ledger};
-use crate::runtime::{error::RunError, path_facts::PathFacts, scene_events, slot::Slot};
+use crate::runtime::describe::{PathFacts, describe_exposure, describe_pointing, fill_meta};
+use crate::runtime::error::{Result, RunError};
+use crate::runtime::ledger::{Event, EventKind, Ledger, note_scene};
+use crate::runtime::slot::Slot;
 use base::{clock::Stopwatch, time::Span};
 use frames::report::{Stage, StageTimes};
 use frames::sink::{FaultFlags, SentFrame};
@@ -52,7 +53,7 @@ impl FrameEngine {
         light: Light<'_>,
         ledger: &mut Ledger,
         frame: &mut SentFrame,
-    ) -> Result<StageTimes, RunError> {
+    ) -> Result<StageTimes> {
         let mut times = StageTimes::default();
         self.aim(motion);
         self.draw(slot, light, ledger, frame, &mut times)?;
@@ -71,7 +72,7 @@ impl FrameEngine {
         light: Light<'_>,
         ledger: &mut Ledger,
         frame: &mut SentFrame,
-    ) -> Result<StageTimes, RunError> {
+    ) -> Result<StageTimes> {
         let mut times = StageTimes::default();
         self.aim(motion);
         self.find_and_plan(slot, light, ledger, &mut times)?;
@@ -104,14 +105,14 @@ impl FrameEngine {
         light: Light<'_>,
         ledger: &mut Ledger,
         times: &mut StageTimes,
-    ) -> Result<(SceneReport, DetectorConditions), RunError> {
+    ) -> Result<(SceneReport, DetectorConditions)> {
         let mut watch = Stopwatch::start();
         let los = &self.planner.latest().motion.los;
         let found = self.scene.find(los, matches!(light, Light::Sky)).map_err(RunError::Scene)?;
         if let Light::Sources { is_on_sky: true, .. } = light {
             self.scene.stars.look(los.mid_exposure()).map_err(RunError::Scene)?;
         }
-        scene_events::note(&found, slot, ledger);
+        note_scene(&found, slot, ledger);
         let conditions = self.conditions.of_detector(los.exposure_s, found.background);
         let (camera, sensor_from_icrf) = (&self.params.camera.geometry, los.mid_sensor_from_icrf);
         let sources = match light {
@@ -140,7 +141,7 @@ impl FrameEngine {
         ledger: &mut Ledger,
         frame: &mut SentFrame,
         times: &mut StageTimes,
-    ) -> Result<(), RunError> {
+    ) -> Result<()> {
         let (found, conditions) = self.find_and_plan(slot, light, ledger, times)?;
         let plan = self.planner.latest();
         let is_coarse = self.scene.targets.is_coarse() || plan.targets.iter().any(|target| target.is_coarse);

@@ -3,47 +3,20 @@
 use base::axes::{Icrf, Rotation, Sensor};
 use base::random::{Stage, counter, key, philox};
 use base::time::{Span, Tai};
+use config::{TrackerOutFault, TrackerOutFaultKind as Kind};
 use firmware_protocol::can::CanFrame;
-use glam::{DQuat, DVec3};
+use glam::DQuat;
 use telemetry::{Report, Wire};
 
 /// Stream of the seed, so that faults and errors of the tracker do not share numbers.
 const DAMAGE_SEED: u64 = 0x7465_6c65;
 
-/// A fault for a while.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Damage {
-    /// Kind.
-    pub kind: DamageKind,
-    /// First instant.
-    pub from: Tai,
-    /// Instant at which it is over.
-    pub until: Tai,
-    /// Share of reports or packets that it hits.
-    pub share: f64,
-}
-
-/// Kinds of faults.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum DamageKind {
-    /// Packets are lost.
-    Drop,
-    /// One bit of a packet is wrong.
-    Corrupt,
-    /// The report is the last one before.
-    Freeze,
-    /// The attitude is not known.
-    Invalid,
-    /// The attitude is turned by this rotation vector, sensor axes, rad.
-    Bias(DVec3),
-    /// Packets are late.
-    Late(Span),
-}
-
 /// Faults at work.
 #[derive(Debug)]
 pub(super) struct Damages {
-    all: Vec<Damage>,
+    all: Vec<TrackerOutFault>,
+    /// First exposure, from which the times of faults count.
+    zero: Tai,
     seed: [u32; 2],
     packets: u32,
     reports: u32,
@@ -62,8 +35,8 @@ pub(super) enum Fate {
 }
 
 impl Damages {
-    pub(super) fn new(all: Vec<Damage>, seed: u64) -> Self {
-        Self { all, seed: key(seed ^ DAMAGE_SEED), packets: 0, reports: 0, frozen: None, hits: 0 }
+    pub(super) fn new(all: Vec<TrackerOutFault>, zero: Tai, seed: u64) -> Self {
+        Self { all, zero, seed: key(seed ^ DAMAGE_SEED), packets: 0, reports: 0, frozen: None, hits: 0 }
     }
 
     /// Applies those of reports at `now`.
@@ -74,17 +47,17 @@ impl Damages {
         let mut is_frozen = false;
         for (_, damage) in self.active(now, number, 0) {
             match damage.kind {
-                DamageKind::Freeze => {
+                Kind::Freeze => {
                     (out, is_frozen) = (*self.frozen.get_or_insert(out), true);
                 }
-                DamageKind::Invalid => (out.attitude_wxyz, out.rate_rad_s, out.stars) = (None, None, 0),
-                DamageKind::Bias(turn_rad) => {
+                Kind::Invalid => (out.attitude_wxyz, out.rate_rad_s, out.stars) = (None, None, 0),
+                Kind::Bias(turn_rad) => {
                     out.attitude_wxyz = out.attitude_wxyz.map(|[w, x, y, z]| {
                         let attitude: Rotation<Sensor, Icrf> = Rotation::from_quat(DQuat::from_xyzw(x, y, z, w));
                         attitude.rotated_by(turn_rad).wxyz()
                     });
                 }
-                DamageKind::Drop | DamageKind::Corrupt | DamageKind::Late(_) => continue,
+                Kind::Drop | Kind::Corrupt | Kind::Late(_) => continue,
             }
             self.hits += 1;
         }
@@ -101,13 +74,13 @@ impl Damages {
         let mut late = Span::ZERO;
         for (place, damage) in self.active(now, number, 1) {
             match damage.kind {
-                DamageKind::Drop => {
+                Kind::Drop => {
                     self.hits += 1;
                     return Fate::Gone;
                 }
-                DamageKind::Corrupt => wire = self.with_a_wrong_bit(wire, number, place),
-                DamageKind::Late(by) => late = late + by,
-                DamageKind::Freeze | DamageKind::Invalid | DamageKind::Bias(_) => continue,
+                Kind::Corrupt => wire = self.with_a_wrong_bit(wire, number, place),
+                Kind::Late(by) => late = late + by,
+                Kind::Freeze | Kind::Invalid | Kind::Bias(_) => continue,
             }
             self.hits += 1;
         }
@@ -115,9 +88,10 @@ impl Damages {
     }
 
     /// Faults that hit a report (`of` 0) or a packet (1), each with its place in the list.
-    fn active(&self, now: Tai, number: u32, of: u32) -> Vec<(u32, Damage)> {
-        let is_hit = |(place, damage): &(u32, Damage)| {
-            damage.from <= now && now < damage.until && {
+    fn active(&self, now: Tai, number: u32, of: u32) -> Vec<(u32, TrackerOutFault)> {
+        let is_hit = |(place, damage): &(u32, TrackerOutFault)| {
+            let from = self.zero + damage.at;
+            from <= now && now < from + damage.lasts && {
                 let [word, ..] = philox(counter(number, 4 * place + of, Stage::TrackerModel), self.seed);
                 (f64::from(word) + 0.5) / 4_294_967_296.0 < damage.share
             }
@@ -150,6 +124,7 @@ impl Damages {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DVec3;
     use telemetry::Mode;
 
     fn at(ms: i64) -> Tai {
@@ -171,20 +146,21 @@ mod tests {
         }
     }
 
-    fn of(kind: DamageKind, share: f64) -> Damages {
-        Damages::new(vec![Damage { kind, from: at(10), until: at(20), share }], 5)
+    fn of(kind: Kind, share: f64) -> Damages {
+        let fault = TrackerOutFault { kind, at: Span::from_ms(10), lasts: Span::from_ms(10), share };
+        Damages::new(vec![fault], at(0), 5)
     }
 
     #[test]
     fn reports_are_changed_inside_the_window_only() {
-        let mut frozen = of(DamageKind::Freeze, 1.0);
+        let mut frozen = of(Kind::Freeze, 1.0);
         let frames: Vec<u32> =
             [5, 9, 10, 15, 19, 20].map(|ms| frozen.of_report(&report(ms), at(i64::from(ms))).frame).into();
         assert_eq!((frames, frozen.hits), (vec![5, 9, 9, 9, 9, 20], 3));
-        let mut invalid = of(DamageKind::Invalid, 1.0);
+        let mut invalid = of(Kind::Invalid, 1.0);
         let known = [9, 10, 20].map(|ms| invalid.of_report(&report(ms), at(i64::from(ms))).attitude_wxyz.is_some());
         assert_eq!(known, [true, false, true]);
-        let mut biased = of(DamageKind::Bias(DVec3::X * 0.2), 1.0);
+        let mut biased = of(Kind::Bias(DVec3::X * 0.2), 1.0);
         let [w, x, ..] = biased.of_report(&report(12), at(12)).attitude_wxyz.unwrap();
         assert!((w - 0.1_f64.cos()).abs() < 1e-15 && (x.abs() - 0.1_f64.sin()).abs() < 1e-15, "{w} {x}");
     }
@@ -192,13 +168,13 @@ mod tests {
     #[test]
     fn packets_are_lost_late_or_damaged_by_their_share() {
         let packet = || Wire::Bytes(vec![0; 9]);
-        let mut half = of(DamageKind::Drop, 0.5);
+        let mut half = of(Kind::Drop, 0.5);
         let lost = (0..1000).filter(|_| matches!(half.of_packet(packet(), at(12)), Fate::Gone)).count();
         assert!((430..570).contains(&lost), "{lost} of 1000: four and a half standard deviations");
         assert!(matches!(half.of_packet(packet(), at(25)), Fate::Now(_)), "control: it is over");
-        let mut late = of(DamageKind::Late(Span::from_ms(7)), 1.0);
+        let mut late = of(Kind::Late(Span::from_ms(7)), 1.0);
         assert!(matches!(late.of_packet(packet(), at(12)), Fate::Later(_, by) if by == Span::from_ms(7)));
-        let mut corrupt = of(DamageKind::Corrupt, 1.0);
+        let mut corrupt = of(Kind::Corrupt, 1.0);
         let Fate::Now(Wire::Bytes(bytes)) = corrupt.of_packet(packet(), at(12)) else { unreachable!() };
         assert_eq!(bytes.iter().map(|byte| byte.count_ones()).sum::<u32>(), 1);
     }

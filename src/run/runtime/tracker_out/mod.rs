@@ -16,9 +16,7 @@ mod shared;
 mod source;
 mod tap;
 mod telemeter;
-mod thread;
 
-pub use damage::{Damage, DamageKind};
 pub use outlet::{Outlet, OutletError, UdpParams};
 pub use shared::{OutCounts, OutShared, OutThread};
 pub use source::TrackerEyes;

@@ -354,15 +354,8 @@ impl Outlet {
     /// # Errors
     /// When the disk refuses it.
     pub fn finish(&mut self) -> Result<(), OutletError> {
-        match &mut self.lines {
-            Lines::File(file) => file.flush().map_err(system(&self.name, "write", "")),
-            Lines::Udp(..)
-            | Lines::Tcp(..)
-            | Lines::Serial(_)
-            | Lines::Terminal(_)
-            | Lines::SocketCan(_)
-            | Lines::Bus(_) => Ok(()),
-        }
+        let Lines::File(file) = &mut self.lines else { return Ok(()) };
+        file.flush().map_err(system(&self.name, "write", ""))
     }
 }
 

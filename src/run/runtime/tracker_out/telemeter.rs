@@ -2,17 +2,22 @@
 //!
 //! A report is ready so long after the end of readout as the tracker thinks. It goes out then, or with the next beat of
 //! a rate of its own, which sends the newest attitude again until a newer one comes.
+//!
+//! The thread of a tracker on the real clock.
 
-use crate::runtime::tracker_out::damage::{Damage, Damages, Fate};
+use crate::runtime::error::{Result, RunError};
+use crate::runtime::tracker_out::damage::{Damages, Fate};
 use crate::runtime::tracker_out::outlet::{Outlet, OutletError};
-use crate::runtime::tracker_out::shared::{OutCounts, OutShared};
+use crate::runtime::tracker_out::shared::{OutCounts, OutShared, OutThread};
 use crate::runtime::tracker_out::source::{Source, TrackerEyes, unknown};
 use crate::runtime::tracker_out::tap::{Seen, TapParts};
 use base::clock::Clock;
 use base::time::{Span, Tai};
+use config::TrackerOutFault;
+use crossbeam_channel::RecvTimeoutError;
 use frames::camera_control::{CameraCommand, CameraDesk, CommandSource, Commanded};
 use frames::sink::crc32::Crc32;
-use std::{collections::VecDeque, net::SocketAddr, sync::Arc};
+use std::{collections::VecDeque, net::SocketAddr, sync::Arc, time::Duration};
 use telemetry::{Device, Mode, Order, Report, Wire};
 
 /// Reports and packets that may wait; more are lost and counted.
@@ -37,7 +42,7 @@ pub struct TelemeterParams {
     /// First exposure of the run: where a rate of its own begins, and the times of faults count from.
     pub zero: Tai,
     /// Faults.
-    pub damages: Vec<Damage>,
+    pub faults: Vec<TrackerOutFault>,
     /// Seed of the faults.
     pub seed: u64,
 }
@@ -94,7 +99,7 @@ impl Telemeter {
         (clock, shared): (Arc<dyn Clock>, Arc<OutShared>),
     ) -> Self {
         let source = Source::new(eyes, params.tag_error);
-        let damages = Damages::new(params.damages.clone(), params.seed);
+        let damages = Damages::new(params.faults.clone(), params.zero, params.seed);
         let next_beat = params.period.map(|_| params.zero);
         let mut telemeter = Self {
             params,
@@ -312,6 +317,36 @@ impl Telemeter {
         (self.counts.commands, self.counts.refused) = (answered.commands, answered.refused + self.unanswered);
         (self.counts.faults, self.counts.crc32) = (self.damages.hits, self.crc.value());
         self.shared.publish(&self.counts);
+    }
+}
+
+/// A line with clients is looked at this often.
+const LISTEN_EVERY: Span = Span::from_ms(2);
+/// The thread looks after itself at least this often.
+const LONGEST_WAIT: Span = Span::from_ms(100);
+
+impl OutThread {
+    /// Starts the thread of a tracker; it ends when the sending end of its frames is gone.
+    ///
+    /// # Errors
+    /// When the system has no thread for it.
+    pub fn start(mut telemeter: Telemeter, clock: Arc<dyn Clock>) -> Result<Self> {
+        let run = move || {
+            let most = if telemeter.has_clients() { LISTEN_EVERY } else { LONGEST_WAIT };
+            loop {
+                telemeter.step(clock.now());
+                let now = clock.now();
+                let wait = telemeter.next_due().map_or(most, |due| (due - now).min(most));
+                let wait = Duration::from_nanos(u64::try_from(wait.ns()).unwrap_or(0));
+                match telemeter.frames().recv_timeout(wait) {
+                    Ok(seen) => telemeter.take(seen),
+                    Err(RecvTimeoutError::Timeout) => {}
+                    Err(RecvTimeoutError::Disconnected) => return telemeter.finish(),
+                }
+            }
+        };
+        let thread = std::thread::Builder::new().name("tracker out".into()).spawn(run);
+        thread.map(Self).map_err(|source| RunError::Thread { name: "tracker out", source })
     }
 }
 

@@ -7,7 +7,7 @@ use super::answers::{Refusal, answer};
 use super::{NewestFrames, Stage, protocol};
 use crate::runtime::RunRecord;
 use crate::wiring::run_end::{LoopView, RunEnd};
-use crate::wiring::{assemble::Run, error::LoopError, stepped::SteppedRun};
+use crate::wiring::{assemble::Run, error::Result, stepped::SteppedRun};
 use config::Scenario;
 use core::sync::atomic::AtomicBool;
 use frames::sink::SentFrame;
@@ -26,8 +26,8 @@ impl LocalSession {
     ///
     /// # Errors
     /// When the run is not one that is stepped.
-    pub fn of(run: Run, output: Option<&Path>) -> Result<Self, LoopError> {
-        let scenario = run.scenario().clone();
+    pub fn of(run: Run, output: Option<&Path>) -> Result<Self> {
+        let scenario = run.scenario.clone();
         let newest = NewestFrames::new(scenario.bench.head_count(), output);
         Ok(Self { going: SteppedRun::of(run)?, scenario, newest })
     }

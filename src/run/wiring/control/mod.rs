@@ -10,11 +10,9 @@
 mod admission;
 mod answers;
 mod camera;
-mod error;
 mod lines;
 pub mod local;
 mod newest;
-mod output;
 pub mod protocol;
 mod reaction;
 mod samples;
@@ -25,13 +23,13 @@ mod tests;
 mod token;
 
 pub use admission::ControlRefusals;
-pub use error::ControlError;
 pub use lines::ControlAddress;
 
 use crate::wiring::error::LoopError;
 use admission::{Admitted, admit, foreign_sentence};
 use answers::{Answer, Controlled, Refusal};
 use base::clock::{Clock, Monotonic};
+use base::refused::Refused;
 use core::sync::atomic::AtomicBool;
 use lines::{Incoming, LineSocket};
 pub use newest::NewestFrames;
@@ -66,8 +64,10 @@ impl ControlListener {
     ///
     /// # Errors
     /// When the system refuses the address, or the token's file.
-    pub fn bind(address: ControlAddress) -> Result<Self, ControlError> {
-        let refuse = |source| ControlError::Listen { address, source };
+    pub fn bind(address: ControlAddress) -> Result<Self, Refused> {
+        let refuse = |source: std::io::Error| {
+            Refused(format!("control socket: cannot listen on {address} ({source}); port 0 takes any free one"))
+        };
         let listener = TcpListener::bind(address.socket()).map_err(refuse)?;
         listener.set_nonblocking(true).map_err(refuse)?;
         let address = ControlAddress::of(listener.local_addr().map_err(refuse)?).unwrap_or(address);

@@ -1,6 +1,6 @@
 //! The newest frame of each head, and the CRC-32 over all frames, as a client can request them.
 
-use crate::wiring::control::output::write_below;
+use crate::wiring::control::answers::write_below;
 use base::time::Tai;
 use frames::sink::crc32::{RunCrc32, pixel_crc32};
 use frames::sink::facts::{FactSource, json_keys};

@@ -73,7 +73,7 @@ impl Controlled for Steered<'_> {
         let done = self.steering.on_frame_thread(move |heads, _receiver, record, _release| {
             let no_head = || format!("head is {head}; there are {count}, counted from 0");
             let head = heads.get_mut(head).ok_or_else(no_head)?;
-            Ok::<_, String>(act(head.engine.exposing_mut(), &mut record.ledger))
+            Ok::<_, String>(act(&mut head.engine.exposing, &mut record.ledger))
         });
         Ok(done??)
     }

@@ -1,12 +1,14 @@
 //! A run on the virtual clock as its client sees it: its clock is held between two requests.
 
 use super::answers::{Answer, Controlled, Instants, Refusal, attitude, solved};
-use super::protocol::StepBy;
-use super::{newest::NewestFrames, samples::SampleList};
+use super::{newest::NewestFrames, protocol::StepBy, samples::SampleList};
+use crate::runtime::exposing::Exposing;
 use crate::runtime::ledger::{Event as LedgerEvent, EventKind};
-use crate::runtime::{Ledger, RunRecord, TrackerOutput, exposing::Exposing};
-use crate::wiring::assessment::mode_name;
-use crate::wiring::{error::LoopError, far_side::FarSide, run_end::LoopView, run_times::RunTimes, stepped::SteppedRun};
+use crate::runtime::{Ledger, RunRecord, TrackerOutput};
+use crate::wiring::{
+    assessment::mode_name, error::Result, far_side::FarSide, run_clock::RunTimes, run_end::LoopView,
+    stepped::SteppedRun,
+};
 use base::time::{Span, Tai};
 use config::{Event, Plant, Scenario};
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -159,7 +161,7 @@ impl Controlled for Stage<'_> {
 }
 
 impl Stage<'_> {
-    fn advance_to(&mut self, at: Tai) -> Result<(), LoopError> {
+    fn advance_to(&mut self, at: Tai) -> Result<()> {
         let Self { going, newest, progress, stop, .. } = self;
         going.advance_to(at, &mut |head, frame, record| {
             progress(head, frame, record);
@@ -190,7 +192,7 @@ fn step_goal(by: StepBy, going: &SteppedRun, instants: &Instants, frames_out: u6
         StepBy::Frames(frames) => {
             // A commanded camera may send any number of frames.
             let engine = &going.run.heads[0].engine;
-            let at_most = if engine.exposing().is_commanded() { u64::MAX } else { u64::from(engine.params().frames) };
+            let at_most = if engine.exposing.is_commanded { u64::MAX } else { u64::from(engine.params().frames) };
             let left = at_most.saturating_sub(frames_out);
             let goal = Goal::Frames(frames_out.saturating_add(frames));
             let refuse = || format!("frames is {frames}; wanted at most the {left} that are left");
@@ -209,7 +211,7 @@ fn step_goal(by: StepBy, going: &SteppedRun, instants: &Instants, frames_out: u6
 
 /// Returns when the next known frame goes out; `None` when there is none.
 fn next_frame_out(going: &SteppedRun) -> Option<Tai> {
-    let next = going.run.heads[0].engine.exposing().next().slot().map(|slot| slot.due);
+    let next = going.run.heads[0].engine.exposing.next().slot().map(|slot| slot.due);
     going.going.next_out().into_iter().chain(next).min().filter(|at| *at > going.now())
 }
 

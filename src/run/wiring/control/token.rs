@@ -5,7 +5,8 @@
 //! read: `$XDG_RUNTIME_DIR/starloop/control-ADDRESS_PORT.token`, or `starloop-UID` in the folder for temporary files
 //! instead of `$XDG_RUNTIME_DIR/starloop`. The file is removed at the end of the run. Tests: below.
 
-use crate::wiring::control::{error::ControlError, lines::ControlAddress};
+use crate::wiring::control::lines::ControlAddress;
+use base::refused::Refused;
 use core::{fmt, hint::black_box};
 use rand::{TryRng, rngs::SysRng};
 use std::fs::{self, DirBuilder, File, OpenOptions};
@@ -23,11 +24,11 @@ pub(super) struct Token {
 
 impl Token {
     /// Returns a new token from the operating system's random numbers.
-    pub(super) fn random() -> Result<Self, ControlError> {
+    pub(super) fn random() -> Result<Self, Refused> {
         let mut bytes = [0; BYTES];
         SysRng
             .try_fill_bytes(&mut bytes)
-            .map_err(|source| ControlError::Random { source: io::Error::other(source) })?;
+            .map_err(|error| Refused(format!("control socket: no random numbers for a token: {error}")))?;
         Ok(Self { text: bytes.iter().map(|byte| format!("{byte:02x}")).collect() })
     }
 
@@ -54,13 +55,15 @@ pub(super) struct TokenFile {
 
 impl TokenFile {
     /// Writes the token of the socket at `address`, which the caller listens on.
-    pub(super) fn write(token: &Token, address: ControlAddress) -> Result<Self, ControlError> {
+    pub(super) fn write(token: &Token, address: ControlAddress) -> Result<Self, Refused> {
         Self::write_in(&folder(), token, address)
     }
 
-    fn write_in(folder: &Path, token: &Token, address: ControlAddress) -> Result<Self, ControlError> {
+    fn write_in(folder: &Path, token: &Token, address: ControlAddress) -> Result<Self, Refused> {
         let path = folder.join(file_name(address));
-        let refuse = |source| ControlError::TokenFile { path: path.clone(), source };
+        let refuse = |source: io::Error| {
+            Refused(format!("control socket: cannot write the token to {} ({source})", path.display()))
+        };
         make_private(folder).map_err(refuse)?;
         // Only this user may use the folder, and the port is ours: a file of this name is left from a run that was
         // killed.

@@ -1,11 +1,11 @@
 //! A capture -> the messages of its links, each through its own port, the earliest first.
 
-use super::ReplayError;
+use super::{ReplayError, Result};
 use crate::{runtime::RunError, wiring::ports::port_over};
 use base::time::{Span, Tai};
-use config::{Bench, Link as LinkSettings, Wire};
+use config::{Bench, Link as LinkSettings};
 use link::capture::{CaptureError, CaptureReader, CapturedPacket, Direction};
-use link::{Input, Link, LinkCounters, LinkError, Packet, Port, Stamped};
+use link::{Input, Link, LinkCounters, LinkError, Packet, Port, Stamped, WireFormat};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::{fs::File, path::Path};
 
@@ -17,20 +17,19 @@ pub(super) struct Source<'a> {
 }
 
 impl Source<'_> {
-    fn open(&self) -> Result<CaptureReader<File>, ReplayError> {
-        let refuse = |source| ReplayError::File { path: self.bus.into(), doing: "read the packets", source };
-        let file = File::open(self.bus).map_err(refuse)?;
+    fn open(&self) -> Result<CaptureReader<File>> {
+        let file = File::open(self.bus).map_err(ReplayError::file(self.bus, "read the packets"))?;
         CaptureReader::new(file).map_err(|error| self.refuse(error))
     }
 
-    fn refuse(&self, source: CaptureError) -> ReplayError {
-        ReplayError::Capture { path: self.bus.into(), source }
+    fn refuse(&self, error: CaptureError) -> ReplayError {
+        ReplayError::at(self.bus, error)
     }
 
     /// Returns the time of the first packet.
-    pub(super) fn first_at(&self) -> Result<Tai, ReplayError> {
+    pub(super) fn first_at(&self) -> Result<Tai> {
         let first = self.open()?.read().map_err(|error| self.refuse(error))?;
-        let none = || ReplayError::Parts(format!("{}: holds no packet that could be used", self.bus.display()));
+        let none = || ReplayError::at(self.bus, "holds no packet that could be used");
         Ok(first.ok_or_else(none)?.at)
     }
 }
@@ -106,18 +105,13 @@ struct CapturedLink {
 }
 
 impl CapturedLink {
-    fn open(
-        bench: &Bench,
-        settings: &LinkSettings,
-        interface: Option<u8>,
-        source: &Source<'_>,
-    ) -> Result<Self, ReplayError> {
+    fn open(bench: &Bench, settings: &LinkSettings, interface: Option<u8>, source: &Source<'_>) -> Result<Self> {
         let played = Arc::<Mutex<Played>>::default();
         let link = PlaybackLink {
             reader: source.open()?,
             // On a serial line both directions would form one stream of bytes; on a plain link sent packets have no
             // use.
-            takes_sent: source.takes_sent && !matches!(settings.wire, Wire::Serial | Wire::Plain),
+            takes_sent: source.takes_sent && !matches!(settings.wire, WireFormat::Serial | WireFormat::Plain),
             interface,
             counters: LinkCounters::default(),
             played: Arc::clone(&played),
@@ -129,7 +123,7 @@ impl CapturedLink {
     }
 
     /// Returns when the next message arrived; `None` at the end.
-    fn arrival(&mut self) -> Result<Option<Tai>, ReplayError> {
+    fn arrival(&mut self) -> Result<Option<Tai>> {
         if self.next.is_none() && !self.is_over {
             self.next = self.port.receive_any(Tai::from_ns(i64::MAX)).map_err(RunError::from)?;
             self.is_over = self.next.is_none();
@@ -146,7 +140,7 @@ pub(super) struct CapturedLinks {
 impl CapturedLinks {
     /// Opens the capture for each link of the bench. A bench with one link takes the packets of all interfaces, because
     /// a capture by another program may give that link any number.
-    pub(super) fn open(bench: &Bench, source: &Source<'_>) -> Result<Self, ReplayError> {
+    pub(super) fn open(bench: &Bench, source: &Source<'_>) -> Result<Self> {
         let has_several = !bench.extra_links.is_empty();
         let settings = core::iter::once(&bench.link).chain(&bench.extra_links).zip(0..=u8::MAX);
         let link = |(settings, number)| CapturedLink::open(bench, settings, has_several.then_some(number), source);
@@ -158,7 +152,7 @@ impl CapturedLinks {
         &mut self,
         until: Tai,
         is_wanted: impl Fn(usize) -> bool,
-    ) -> Result<Option<(usize, Stamped<Input>)>, ReplayError> {
+    ) -> Result<Option<(usize, Stamped<Input>)>> {
         let mut earliest: Option<(Tai, usize)> = None;
         for (number, link) in self.links.iter_mut().enumerate().filter(|(number, _)| is_wanted(*number)) {
             let Some(at) = link.arrival()?.filter(|at| *at <= until) else { continue };
@@ -181,7 +175,7 @@ impl CapturedLinks {
     }
 
     /// Reads the rest, so that damage anywhere is reported. Returns the number of unsupported packets, and the damage.
-    pub(super) fn finish(mut self) -> Result<(u64, Option<String>), ReplayError> {
+    pub(super) fn finish(mut self) -> Result<(u64, Option<String>)> {
         while self.take(Tai::from_ns(i64::MAX), |_| true)?.is_some() {}
         // Every link has read the whole file.
         let Some(first) = self.links.first() else { return Ok((0, None)) };

@@ -5,16 +5,16 @@
 //! the first number that differs. A run that was cut off has no end record; captures of earlier versions have no counts
 //! of rows. Both are replayed with a note ([`Session::doubts`]). Tests: `tests/closed_loop/replay.rs`.
 
-use super::sample_table::SAMPLES_FILE;
 use super::{FRAMES_FILE, ReplayError, RowCounts, RowReader, Session, SessionEnd, sample_table};
+use super::{Result, sample_table::SAMPLES_FILE};
 use link::capture::{CaptureError, CaptureReader};
 use std::{fs::File, path::Path};
 
 /// Refuses a capture whose content differs from its end record.
 ///
 /// # Errors
-/// [`ReplayError::Incomplete`] with the first number that differs, or the error of an unreadable file.
-pub(super) fn check(directory: &Path, session: &Session) -> Result<(), ReplayError> {
+/// The first number that differs, or an unreadable file.
+pub(super) fn check(directory: &Path, session: &Session) -> Result<()> {
     let Some(end) = &session.end else { return Ok(()) };
     let bus = directory.join(&session.bus);
     compare(end, &bus, "packets", end.packets, count_packets(&bus)?)?;
@@ -31,19 +31,22 @@ pub(super) fn check(directory: &Path, session: &Session) -> Result<(), ReplayErr
     compare(end, &frames, "as the last frame's number", number(wanted.last_frame), number(got.last_frame))
 }
 
-fn compare(end: &SessionEnd, path: &Path, what: &'static str, wanted: u64, got: u64) -> Result<(), ReplayError> {
+fn compare(end: &SessionEnd, path: &Path, what: &'static str, wanted: u64, got: u64) -> Result<()> {
     // A disk that filled up may have stored more than was confirmed; the session states this.
     let is_more_than_confirmed = got > wanted && end.error.is_some();
     if got == wanted || is_more_than_confirmed {
         return Ok(());
     }
-    Err(ReplayError::Incomplete { path: path.into(), what, wanted, got })
+    let why = format!(
+        "holds {got} {what}, wanted {wanted} as its end record (session.json) states: the capture was cut short or changed; \
+         wanted the whole directory as the run left it: copy it again"
+    );
+    Err(ReplayError::at(path, why))
 }
 
-fn count_packets(path: &Path) -> Result<u64, ReplayError> {
-    let refuse = |source| ReplayError::File { path: path.into(), doing: "read the packets", source };
-    let file = File::open(path).map_err(refuse)?;
-    let damaged = |source| ReplayError::Capture { path: path.into(), source };
+fn count_packets(path: &Path) -> Result<u64> {
+    let file = File::open(path).map_err(ReplayError::file(path, "read the packets"))?;
+    let damaged = |error| ReplayError::at(path, error);
     let mut reader = match CaptureReader::new(file) {
         Err(CaptureError::Empty) => return Ok(0),
         reader => reader.map_err(damaged)?,
@@ -55,7 +58,7 @@ fn count_packets(path: &Path) -> Result<u64, ReplayError> {
     Ok(packets)
 }
 
-fn count_rows(path: &Path) -> Result<RowCounts, ReplayError> {
+fn count_rows(path: &Path) -> Result<RowCounts> {
     let mut reader = RowReader::open(path)?;
     let mut counts = RowCounts::default();
     while let Some(row) = reader.read()? {

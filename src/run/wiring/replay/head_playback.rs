@@ -2,14 +2,21 @@
 //!
 //! In: the parts of the run and its capture. Out: images in a sink, each compared with the captured one. Messages are
 //! fed in the order of their stamps, as many of each link as a row states.
+//!
+//! The events of a captured run, placed as in the run, for one head: frames are hit as they were.
+//!
+//! In: the run file's events and the injected ones. Out: the faults of the head's frames, with their numbers in the
+//! list of all faults. Faults of the bus and aboard the vehicle only take their numbers: the capture contains packets
+//! that arrived after those faults acted.
 
 use super::captured_links::{CapturedLinks, Source};
-use super::head_faults::HeadFaults;
-use super::{CapturedFate, CapturedSample, Difference, DrawnFrom, FrameRow, HeadOutcome, ReplayError};
+use super::{CapturedFate, CapturedSample, Difference, DrawnFrom, FrameRow, HeadOutcome, Result};
+use crate::runtime::frame_faults::{Fate, FrameFaults};
 use crate::runtime::receiver::{PORTS_MAX, Receiver};
-use crate::runtime::{Exposed, Head, Imager, Ledger, Slot, frame_faults::Fate};
+use crate::runtime::{Exposed, Head, Imager, Ledger, Slot};
+use crate::wiring::faults::{FaultDesk, Inventory, in_order_of_placing, make_ready};
 use crate::wiring::heads::{CostsHere, HeadSetting, make_heads, make_receiver, size_of};
-use crate::wiring::{fault_desk::FaultDesk, faults::Inventory};
+use base::refused::Refused;
 use base::time::{Span, Tai};
 use config::{Event, Scenario};
 use core::ops::Range;
@@ -41,11 +48,11 @@ impl<'a> Replayed<'a> {
         source: &'a Source<'a>,
         real: Option<Option<CostModel>>,
         frames: Range<u32>,
-    ) -> Result<(Self, Vec<Head>), ReplayError> {
+    ) -> Result<(Self, Vec<Head>)> {
         let mut captured = |_: &Imager| real.flatten();
         let costs: Option<CostsHere<'_>> = if real.is_some() { Some(&mut captured) } else { None };
         let heads = make_heads(HeadSetting { scenario, start, costs });
-        let heads = heads.map_err(|error| ReplayError::Parts(format!("{error:#}")))?;
+        let heads = heads.map_err(|error| Refused(format!("{error:#}")))?;
         let there = Inventory {
             heads: heads.iter().map(size_of).collect(),
             wheels: scenario.vehicle().map(|vehicle| vehicle.spacecraft.params.wheels.len()),
@@ -81,12 +88,12 @@ impl HeadPlayback {
         replayed: &Replayed<'_>,
         (number, head): (usize, Head),
         sink: Option<Box<dyn Sink>>,
-    ) -> Result<Self, ReplayError> {
+    ) -> Result<Self> {
         let Replayed { scenario, start, zero, .. } = *replayed;
         // Alone with its receiver, it is the first head.
         let mut head = Head { engine: head.engine.of_head(0), ..head };
         let receiver = make_receiver(scenario, core::slice::from_ref(&head));
-        let mut receiver = receiver.map_err(|error| ReplayError::Parts(format!("{error:#}")))?;
+        let mut receiver = receiver.map_err(|error| Refused(format!("{error:#}")))?;
         let there = replayed.there.clone();
         let heads = there.heads.len();
         // Faults of the bus have no effect in a replay.
@@ -143,7 +150,7 @@ impl HeadPlayback {
     }
 
     /// Draws the frame of a row, and compares it with the captured result.
-    pub(super) fn row(&mut self, row: &FrameRow) -> Result<(), ReplayError> {
+    pub(super) fn row(&mut self, row: &FrameRow) -> Result<()> {
         let mut own = None;
         if let Some(DrawnFrom { messages, load, exposed }) = &row.drawn {
             self.receive_up_to(messages, row.frame)?;
@@ -181,7 +188,7 @@ impl HeadPlayback {
         }
     }
 
-    fn receive_up_to(&mut self, messages: &[u64; PORTS_MAX], frame: u32) -> Result<(), ReplayError> {
+    fn receive_up_to(&mut self, messages: &[u64; PORTS_MAX], frame: u32) -> Result<()> {
         while !self.has_run_out {
             let taken = self.receiver.messages_by_port();
             let is_wanted = |link: usize| {
@@ -211,7 +218,7 @@ impl HeadPlayback {
 
     /// Takes in everything that arrived by the release of a slot, and draws it; returns false when the capture ended
     /// before.
-    pub(super) fn draw_at_release(&mut self, number: u32) -> Result<bool, ReplayError> {
+    pub(super) fn draw_at_release(&mut self, number: u32) -> Result<bool> {
         let slot = self.head.engine.slot(number);
         while let Some((link, message)) = self.links.take(slot.release, |_| true)? {
             self.receiver.accept_input(link, &message, &mut self.ledger);
@@ -231,8 +238,8 @@ impl HeadPlayback {
     }
 
     /// Draws the frame of a row with the faults that it went out with; returns its checksum.
-    fn draw_as_captured(&mut self, row: &FrameRow, exposed: Option<&Exposed>) -> Result<Option<u32>, ReplayError> {
-        let slot = self.head.engine.exposing_mut().repeat(row.frame, exposed);
+    fn draw_as_captured(&mut self, row: &FrameRow, exposed: Option<&Exposed>) -> Result<Option<u32>> {
+        let slot = self.head.engine.exposing.repeat(row.frame, exposed);
         let Some(fate) = self.expose(slot)? else { return Ok(None) };
         let went_out = matches!(row.fate, CapturedFate::Sent | CapturedFate::Late);
         if went_out && fate.is_dropped {
@@ -249,7 +256,7 @@ impl HeadPlayback {
     }
 
     /// Draws a slot; returns `None`, and notes a doubt, when it has no attitude.
-    fn expose(&mut self, slot: Slot) -> Result<Option<Fate>, ReplayError> {
+    fn expose(&mut self, slot: Slot) -> Result<Option<Fate>> {
         let Self { head, receiver, faults, ledger, frame, .. } = self;
         faults.place_injected_before(slot.release, head, receiver)?;
         let drawn = head.draw(slot, receiver, ledger, frame)?;
@@ -264,7 +271,7 @@ impl HeadPlayback {
         self.head.faults.spoil(fate, &mut self.frame);
     }
 
-    fn hand_on(&mut self) -> Result<(), ReplayError> {
+    fn hand_on(&mut self) -> Result<()> {
         self.outcome.drawn += 1;
         if let Some(sink) = &mut self.sink {
             sink.send(&self.frame)?;
@@ -273,12 +280,70 @@ impl HeadPlayback {
     }
 
     /// Finishes the head; returns its result, the number of unsupported packets, and the doubts.
-    pub(super) fn finish(mut self) -> Result<(HeadOutcome, u64, Vec<String>), ReplayError> {
+    pub(super) fn finish(mut self) -> Result<(HeadOutcome, u64, Vec<String>)> {
         if let Some(sink) = &mut self.sink {
             sink.finish()?;
         }
         let (skipped, damage) = self.links.finish()?;
         self.doubts.extend(damage);
         Ok((self.outcome, skipped, self.doubts))
+    }
+}
+
+/// The faults of one head of several.
+pub(super) struct HeadFaults {
+    desk: FaultDesk,
+    /// Faults of the other heads, which are not prepared; those of the replayed head are its own.
+    of_heads: Vec<FrameFaults>,
+    head: usize,
+    /// Time zero of events.
+    zero: Tai,
+    /// Events that were injected during the run, with their times.
+    injected: VecDeque<(Tai, Event)>,
+}
+
+impl HeadFaults {
+    /// Returns the faults of head number `head` of `heads`, before any event.
+    pub(super) fn new(desk: FaultDesk, zero: Tai, head: usize, heads: usize) -> Self {
+        let of_heads = (0..heads).map(|_| FrameFaults::default()).collect();
+        Self { desk, of_heads, head, zero, injected: VecDeque::new() }
+    }
+
+    /// Adds an event injected this long after the first exposure; call in order of time.
+    pub(super) fn add_injected(&mut self, came: Span, event: Event) {
+        self.injected.push_back((self.zero + came, event));
+    }
+
+    /// Returns true when a frame may show the previous one.
+    pub(super) fn has_any(&self, head: &Head) -> bool {
+        !self.injected.is_empty() || !head.faults.timed().is_empty()
+    }
+
+    /// Places the events of the run file, at the start of the run.
+    pub(super) fn place_all(
+        &mut self,
+        events: &[Event],
+        start: Tai,
+        head: &mut Head,
+        receiver: &mut Receiver,
+    ) -> Result<()> {
+        in_order_of_placing(events).try_for_each(|event| self.place(event, start, head, receiver))
+    }
+
+    /// Places the events that came before `at`, when a frame is drawn.
+    pub(super) fn place_injected_before(&mut self, at: Tai, head: &mut Head, receiver: &mut Receiver) -> Result<()> {
+        while let Some((came, event)) = self.injected.front().copied().filter(|(came, _)| *came < at) {
+            self.injected.pop_front();
+            self.place(&event, came, head, receiver)?;
+        }
+        Ok(())
+    }
+
+    fn place(&mut self, event: &Event, now: Tai, head: &mut Head, receiver: &mut Receiver) -> Result<()> {
+        self.desk.check(event).map_err(Refused::of)?;
+        let mut frames: Vec<&mut FrameFaults> = self.of_heads.iter_mut().collect();
+        frames[self.head] = &mut head.faults;
+        self.desk.place(event, now, frames);
+        Ok(make_ready(event, core::iter::once(head), receiver)?)
     }
 }

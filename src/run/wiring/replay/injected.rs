@@ -3,13 +3,15 @@
 //! Numbers with a fraction are stored as text, as everywhere in that file. A fault changes which earlier frames are
 //! kept (`torn` and `duplicate` need them), and a trigger starts the faults that wait at that time: a replay therefore
 //! places an injected event when it came, not before.
+//!
+//! Numbers of `session.json`, which are stored as text, and the refusal of a value there.
 
-use super::ReplayError;
-use super::exact_numbers::{exact, number};
+use super::{ReplayError, Result, SESSION_FILE};
 use base::time::Span;
 use config::Event;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
+use std::path::Path;
 
 /// The key whose text is a word and not a number.
 const WORD: &str = "do";
@@ -28,7 +30,7 @@ impl KeptEvent {
     }
 
     /// Returns the event.
-    pub(super) fn event(&self) -> Result<Event, ReplayError> {
+    pub(super) fn event(&self) -> Result<Event> {
         let mut keys = Map::new();
         for (key, value) in &self.keys {
             let value = if key == WORD { value.clone() } else { as_number(key, value)? };
@@ -56,7 +58,7 @@ impl Injected {
     }
 
     /// Returns the time of injection after the first exposure, and the event.
-    pub(super) fn event(&self) -> Result<(Span, Event), ReplayError> {
+    pub(super) fn event(&self) -> Result<(Span, Event)> {
         Ok((Span::from_s(number("injected.came_s", &self.came_s)?), self.event.event()?))
     }
 }
@@ -71,7 +73,7 @@ fn as_text(value: &Value) -> Value {
 }
 
 /// Converts the text in a value to numbers.
-fn as_number(key: &str, value: &Value) -> Result<Value, ReplayError> {
+fn as_number(key: &str, value: &Value) -> Result<Value> {
     Ok(match value {
         Value::String(text) => number(key, text)?.into(),
         Value::Array(values) => values.iter().map(|value| as_number(key, value)).collect::<Result<_, _>>()?,
@@ -79,19 +81,35 @@ fn as_number(key: &str, value: &Value) -> Result<Value, ReplayError> {
     })
 }
 
+/// Returns the text of a number: the fewest digits that give the same bits again.
+pub(super) fn exact(value: f64) -> String {
+    format!("{value:?}")
+}
+
+/// Returns the finite number that a text is.
+pub(super) fn number(name: &str, text: &str) -> Result<f64> {
+    let value = text.parse().ok().filter(|value: &f64| value.is_finite());
+    value.ok_or_else(|| wrong(name, text, "a finite number"))
+}
+
+/// Returns the refusal of a value.
+pub(super) fn wrong(name: &str, got: &str, wanted: &str) -> ReplayError {
+    ReplayError::at(Path::new(SESSION_FILE), format!("{name} is \"{got}\", wanted {wanted}"))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use config::Action;
-    use frames::sink::FrameFault;
+    use frames::sink::{FrameFault, ImageFault, SendingFault};
     use testbed::vehicle::VehicleFault;
 
     #[test]
     fn event_comes_back_bit_by_bit_with_the_time_at_which_it_came() {
         let came = Span::from_ns(2_500_000_001);
         for action in [
-            Action::Frame { head: Some(1), fault: FrameFault::StrayLight { e_per_s: 0.1 + 0.2 } },
-            Action::Frame { head: None, fault: FrameFault::Late(Span::from_ns(1_234_567)) },
+            Action::Frame { head: Some(1), fault: FrameFault::Image(ImageFault::StrayLight { e_per_s: 0.1 + 0.2 }) },
+            Action::Frame { head: None, fault: FrameFault::Sending(SendingFault::Late(Span::from_ns(1_234_567))) },
             Action::Aboard(VehicleFault::GyroDropout),
         ] {
             let event = Event { at: came, on_trigger: None, lasts: Span::from_ns(1_000_000_007), action };

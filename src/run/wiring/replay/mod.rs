@@ -21,20 +21,14 @@
 mod captured_links;
 mod completeness;
 mod error;
-mod exact_numbers;
-mod exposed;
-mod head_faults;
 mod head_playback;
 mod injected;
 #[cfg(test)]
 mod mutation_tests;
-mod outcome;
 mod playback;
 mod recording;
 #[cfg(test)]
 mod replay_tests;
-mod row_counts;
-mod row_reader;
 mod row_writer;
 mod rows;
 #[cfg(test)]
@@ -44,13 +38,11 @@ mod session;
 mod table_lines;
 
 pub use error::ReplayError;
+use error::Result;
 pub use injected::{Injected, KeptEvent};
-pub use outcome::{Difference, HeadOutcome};
-pub use playback::{ReplayOptions, ReplayOutcome, SinkOfHead, replay_bus, replay_session};
+pub use playback::{Difference, HeadOutcome, ReplayOptions, ReplayOutcome, SinkOfHead, replay_bus, replay_session};
 pub use recording::{Recording, SampleTap};
-pub use row_counts::RowCounts;
-pub use row_reader::RowReader;
-pub use rows::{CapturedFate, DrawnFrom, FrameRow, RowForm};
+pub use rows::{CapturedFate, DrawnFrom, FrameRow, RowCounts, RowForm, RowReader};
 pub use sample_table::{CapturedSample, SampleReader};
 pub use session::{Session, SessionEnd, SessionParams};
 

@@ -1,9 +1,12 @@
 //! A capture -> frames, through the same ports, receivers, engines and faults as in the run, head by head.
+//!
+//! The result of the replay of one head.
 
 use super::head_playback::{HeadPlayback, Replayed};
-use super::{Difference, FRAMES_FILE, HeadOutcome, ReplayError, RowReader, Session, completeness, sample_table};
-use super::{captured_links::Source, row_reader::RowsOfHead};
+use super::{FRAMES_FILE, RowReader, Session, completeness, sample_table};
+use super::{Result, captured_links::Source, rows::RowsOfHead};
 use crate::runtime::Head;
+use base::refused::Refused;
 use config::Scenario;
 use core::ops::Range;
 use frames::sink::{Sink, SinkError};
@@ -46,7 +49,7 @@ impl ReplayOutcome {
         self.heads.iter().filter_map(|head| head.first).min_by_key(|first| (first.frame, first.head))
     }
 
-    fn add(&mut self, playback: HeadPlayback) -> Result<(), ReplayError> {
+    fn add(&mut self, playback: HeadPlayback) -> Result<()> {
         let (head, skipped, doubts) = playback.finish()?;
         self.heads.push(head);
         self.skipped_packets = skipped;
@@ -73,10 +76,13 @@ pub struct ReplayOptions {
 
 impl ReplayOptions {
     /// Returns the selected heads with their numbers; the others are dropped.
-    fn wanted(&self, heads: Vec<Head>) -> Result<Vec<(usize, Head)>, ReplayError> {
+    fn wanted(&self, heads: Vec<Head>) -> Result<Vec<(usize, Head)>> {
         let count = heads.len();
         match self.head.filter(|head| *head >= count) {
-            Some(head) => Err(ReplayError::NoSuchHead { head, heads: count }),
+            Some(head) => {
+                let wanted = format!("wanted a number from 0 to {}", count - 1);
+                Err(Refused(format!("--head {head}: the run has {count}; {wanted}")).into())
+            }
             None => {
                 let is_wanted = |number: usize| self.head.is_none_or(|head| head == number);
                 Ok(heads.into_iter().enumerate().filter(|(number, _)| is_wanted(*number)).collect())
@@ -97,11 +103,7 @@ pub type SinkOfHead<'a> = &'a mut dyn FnMut(Option<usize>) -> Result<Option<Box<
 ///
 /// # Errors
 /// When a file of the capture cannot be used, or drawing fails.
-pub fn replay_session(
-    directory: &Path,
-    options: &ReplayOptions,
-    sink: SinkOfHead<'_>,
-) -> Result<ReplayOutcome, ReplayError> {
+pub fn replay_session(directory: &Path, options: &ReplayOptions, sink: SinkOfHead<'_>) -> Result<ReplayOutcome> {
     let session = Session::read(directory)?;
     completeness::check(directory, &session)?;
     session.check_data()?;
@@ -146,7 +148,7 @@ pub fn replay_bus(
     scenario: &Scenario,
     options: &ReplayOptions,
     sink: SinkOfHead<'_>,
-) -> Result<ReplayOutcome, ReplayError> {
+) -> Result<ReplayOutcome> {
     let source = Source { bus, takes_sent: true };
     let (start, frames) = (source.first_at()?, options.frames());
     let (replayed, heads) = Replayed::with_heads(scenario, start, &source, None, frames)?;
@@ -181,4 +183,34 @@ fn doubts_of_machine(session: &Session, playback: &HeadPlayback) -> Vec<String> 
         doubts.push(format!("captured on {}: images may differ by 1 DN here", session.adapter));
     }
     doubts
+}
+
+/// An image that differs from the captured one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Difference {
+    /// Number of its head.
+    pub head: usize,
+    /// Frame number.
+    pub frame: u32,
+    /// Checksum in the capture.
+    pub wanted: u32,
+    /// Checksum of the replay.
+    pub got: u32,
+}
+
+/// Result of the replay of a head.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct HeadOutcome {
+    /// Number of the head, from 0.
+    pub head: usize,
+    /// Frames drawn.
+    pub drawn: u64,
+    /// Frames compared with the capture.
+    pub compared: u64,
+    /// Frames that went out and could not be compared.
+    pub uncompared: u64,
+    /// Number of compared frames that are not bit-identical.
+    pub differing: u64,
+    /// The first of them.
+    pub first: Option<Difference>,
 }

@@ -15,7 +15,7 @@
 //! counted.
 
 use super::{FRAMES_FILE, ReplayError, SESSION_FILE, Session, SessionEnd};
-use super::{injected::Injected, row_writer::RowWriter, sample_table::SampleWriter, session::SessionParams};
+use super::{Result, injected::Injected, row_writer::RowWriter, sample_table::SampleWriter, session::SessionParams};
 use crate::runtime::{FrameEngine, PlantSample, frame_marks};
 use base::time::{Span, Tai};
 use config::{DeadlinePolicy, Event};
@@ -57,25 +57,22 @@ impl Recording {
     ///
     /// # Errors
     /// When the directory holds a capture already, or a file cannot be written.
-    pub fn start(directory: &Path, format: CaptureFormat, params: &SessionParams<'_>) -> Result<Self, ReplayError> {
-        let refuse = |path: &Path, doing| {
-            let path = path.to_path_buf();
-            move |source| ReplayError::File { path, doing, source }
-        };
+    pub fn start(directory: &Path, format: CaptureFormat, params: &SessionParams<'_>) -> Result<Self> {
         if directory.exists() && !directory.is_dir() {
-            return Err(ReplayError::NotAFolder { path: directory.into() });
+            return Err(ReplayError::at(directory, "is a file; wanted a new or empty folder"));
         }
-        std::fs::create_dir_all(directory).map_err(refuse(directory, "make the directory"))?;
+        std::fs::create_dir_all(directory).map_err(ReplayError::file(directory, "make the directory"))?;
         if directory.join(SESSION_FILE).exists() {
-            return Err(ReplayError::Occupied { path: directory.into() });
+            let why = "holds a captured run already; wanted a new or empty folder";
+            return Err(ReplayError::at(directory, why));
         }
         let mut session = Session::new(params, format)?;
         session.keep_data(directory)?;
         let bus = directory.join(&session.bus);
-        let out = File::create_new(&bus).map_err(refuse(&bus, "write the packets"))?;
+        let out = File::create_new(&bus).map_err(ReplayError::file(&bus, "write the packets"))?;
         let (links, waits) = (1 + params.scenario.bench.extra_links.len(), !params.is_real);
         let capture = Capture::start(Box::new(BufWriter::new(out)), format, waits)
-            .map_err(|source| ReplayError::Capture { path: bus, source })?;
+            .map_err(|error| ReplayError::at(&bus, error))?;
         let rows = RowWriter::create(&directory.join(FRAMES_FILE), links, waits)?;
         let is_lockstep = params.scenario.bench.is_lockstep();
         let samples = is_lockstep.then(|| SampleWriter::create(directory, params.is_real)).transpose()?;
@@ -115,7 +112,7 @@ impl Recording {
     ///
     /// # Errors
     /// When the session cannot be written.
-    pub fn finish(self, messages_lost: u64) -> Result<Session, ReplayError> {
+    pub fn finish(self, messages_lost: u64) -> Result<Session> {
         let (packets, rows) = (self.capture.finish(), self.rows.finish());
         let samples = self.samples.map(|tap| tap.lock().finish());
         let (samples, samples_error) = samples.map_or((None, None), |(count, error)| (Some(count), error));

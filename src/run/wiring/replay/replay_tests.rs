@@ -3,10 +3,10 @@
 
 use super::{FRAMES_FILE, ReplayOptions, ReplayOutcome, SESSION_FILE, replay_session};
 use crate::wiring::assemble::{Outputs, Run, RunOptions};
-use crate::wiring::{capture_tap::CaptureOptions, stepped::SteppedRun};
+use crate::wiring::{stepped::SteppedRun, taps::CaptureOptions};
 use base::time::Span;
 use config::{Action, Document, Event, Scenario};
-use frames::sink::{FaultPixels, FrameFault, NullSink, Sink};
+use frames::sink::{FaultPixels, FrameFault, ImageFault, NullSink, SendingFault, Sink};
 use link::Packet;
 use link::capture::{CaptureFormat, CaptureReader, CaptureWriter, CapturedPacket, Direction};
 use serde_json::Value;
@@ -187,7 +187,8 @@ fn events_from_outside_are_placed_when_they_came() {
         Event { at, on_trigger, lasts, action }
     };
     let frame = |fault| Action::Frame { head: None, fault };
-    let false_stars = FrameFault::FalseStars { pixels: FaultPixels { at: None, random: 7 }, mag: 1.0 };
+    let false_stars =
+        FrameFault::Image(ImageFault::FalseStars { pixels: FaultPixels { at: None, random: 7 }, mag: 1.0 });
     let directory = captured(folder.path(), "benches", BENCH, |run| {
         let step = |run: &mut SteppedRun, ms| {
             let at = run.times().zero + Span::from_ms(ms);
@@ -195,10 +196,11 @@ fn events_from_outside_are_placed_when_they_came() {
         };
         step(run, 1050);
         // The image before the first torn one is not known yet.
-        run.inject(&event(0, None, frame(FrameFault::Torn))).unwrap();
+        run.inject(&event(0, None, frame(FrameFault::Sending(SendingFault::Torn)))).unwrap();
         run.inject(&event(0, Some(9), frame(false_stars))).unwrap();
         step(run, 1450);
-        run.inject(&event(1700, None, frame(FrameFault::StrayLight { e_per_s: 1e6 / 3.0 }))).unwrap();
+        run.inject(&event(1700, None, frame(FrameFault::Image(ImageFault::StrayLight { e_per_s: 1e6 / 3.0 }))))
+            .unwrap();
         let trigger = Event { lasts: Span::ZERO, ..event(2200, None, Action::Trigger { number: 9 }) };
         run.inject(&trigger).unwrap();
     });

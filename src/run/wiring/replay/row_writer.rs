@@ -9,7 +9,7 @@
 //! thread writes the rows of all heads; a thread that blocks is abandoned, as the writer of a capture's packets is.
 
 use super::rows::{HEADER, ORDER_FRAMES};
-use super::{CapturedFate, DrawnFrom, FrameRow, ReplayError, RowCounts};
+use super::{CapturedFate, DrawnFrom, FrameRow, ReplayError, Result, RowCounts};
 use crate::runtime::{FrameMark, FrameMarksEnd};
 use base::{patience, time::Span, writer_queue::WriterQueue};
 use core::sync::atomic::{AtomicU64, Ordering};
@@ -17,9 +17,9 @@ use crossbeam_channel::Receiver;
 use frames::sink::crc32::pixel_crc32;
 use frames::sink::{FaultFlags, Loss, SentFrame, Sink, SinkError, SinkLine, SinkSummary};
 use link::capture::CaptureError;
-use std::io::{self, BufWriter, Write};
+use std::io::{BufWriter, Write};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::{collections::VecDeque, fs::File, path::Path, thread::JoinHandle};
+use std::{collections::VecDeque, fs::File, io, path::Path, thread::JoinHandle};
 
 /// Capacity of the queue between the sinks and the writer.
 const QUEUE_ROWS: usize = 4096;
@@ -58,8 +58,8 @@ impl Shared {
 
 impl RowWriter {
     /// Starts the file of a run with this many links; `waits`: frames wait for the writer, on the virtual clock.
-    pub(super) fn create(path: &Path, links: usize, waits: bool) -> Result<Self, ReplayError> {
-        let refuse = |source| ReplayError::File { path: path.into(), doing: "write the frames", source };
+    pub(super) fn create(path: &Path, links: usize, waits: bool) -> Result<Self> {
+        let refuse = ReplayError::file(path, "write the frames");
         let mut out = BufWriter::new(File::create_new(path).map_err(refuse)?);
         writeln!(out, "{HEADER}").and_then(|()| out.flush()).map_err(refuse)?;
         Self::start(Box::new(out), links, waits).map_err(refuse)

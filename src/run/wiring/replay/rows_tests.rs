@@ -1,9 +1,8 @@
 //! Tests that every frame has a row with its result, that rows come back in the order of frames, and that damage is
 //! refused.
 
-use super::row_reader::{RowReader, RowsOfHead};
 use super::row_writer::{RowWriter, RowsOutcome};
-use super::rows::{HEADER, HEADER_OF_ONE, ORDER_FRAMES};
+use super::rows::{HEADER, HEADER_OF_ONE, ORDER_FRAMES, RowReader, RowsOfHead};
 use super::{CapturedFate, DrawnFrom, FrameRow, RowCounts};
 use crate::runtime::receiver::PORTS_MAX;
 use crate::runtime::{FrameMark, frame_marks};
@@ -12,8 +11,7 @@ use base::{patience, time::Span};
 use crossbeam_channel::{Receiver, bounded};
 use frames::sink::{FaultFlags, NullSink, SentFrame, Sink};
 use frames::sink::{crc32::pixel_crc32, sample::sample_frame};
-use std::io::{self, Write};
-use std::path::Path;
+use std::{io, io::Write, path::Path};
 
 fn read(text: &str) -> Result<(Vec<FrameRow>, bool), String> {
     let mut reader = RowReader::new(text.as_bytes(), Path::new("frames.csv")).map_err(|error| error.to_string())?;

@@ -6,9 +6,9 @@
 //! axes). Rows are in the order in which samples were sent; in lockstep each acts at its own instant, on the real clock
 //! at its arrival. Limits: [`SAMPLES_MAX`] rows. Tests: below, `tests/closed_loop/lockstep.rs`.
 
-use super::{ReplayError, table_lines::TableLines};
+use super::{ReplayError, Result, table_lines::TableLines};
 use crate::runtime::{PlantAttitude, PlantSample};
-use base::{axes::Rotation, time::Tai};
+use base::{axes::Rotation, refused::Refused, time::Tai};
 use glam::DVec3;
 use sky::observer::BarycentricState;
 use std::io::{BufRead, BufReader, BufWriter, Write};
@@ -38,9 +38,9 @@ pub(super) struct SampleWriter {
 
 impl SampleWriter {
     /// Starts the file; on the real clock every row has its arrival.
-    pub(super) fn create(directory: &Path, is_real: bool) -> Result<Self, ReplayError> {
+    pub(super) fn create(directory: &Path, is_real: bool) -> Result<Self> {
         let path = directory.join(SAMPLES_FILE);
-        let refuse = |source| ReplayError::File { path: path.clone(), doing: "write the samples", source };
+        let refuse = ReplayError::file(&path, "write the samples");
         let mut out = BufWriter::new(File::create_new(&path).map_err(refuse)?);
         writeln!(out, "{}", if is_real { HEADER_REAL } else { HEADER }).and_then(|()| out.flush()).map_err(refuse)?;
         Ok(Self { out, is_real, rows: 0, error: None })
@@ -119,7 +119,7 @@ impl SampleReader<BufReader<File>> {
     ///
     /// # Errors
     /// When it cannot be read, or is not a table of samples.
-    pub fn open(path: &Path) -> Result<Self, ReplayError> {
+    pub fn open(path: &Path) -> Result<Self> {
         Self::of(TableLines::open(path, DOING, ROW_MAX)?)
     }
 }
@@ -129,11 +129,11 @@ impl<R: BufRead> SampleReader<R> {
     ///
     /// # Errors
     /// When its first line is not that of a table of samples.
-    pub fn new(source: R, path: &Path) -> Result<Self, ReplayError> {
+    pub fn new(source: R, path: &Path) -> Result<Self> {
         Self::of(TableLines::new(source, path, DOING, ROW_MAX))
     }
 
-    fn of(mut lines: TableLines<R>) -> Result<Self, ReplayError> {
+    fn of(mut lines: TableLines<R>) -> Result<Self> {
         let text = lines.read()?.unwrap_or_default();
         let is_real = text == HEADER_REAL;
         if is_real || text == HEADER {
@@ -151,7 +151,7 @@ impl<R: BufRead> SampleReader<R> {
     ///
     /// # Errors
     /// When the line is not a valid row, or there are too many.
-    pub fn read(&mut self) -> Result<Option<CapturedSample>, ReplayError> {
+    pub fn read(&mut self) -> Result<Option<CapturedSample>> {
         let Some(text) = self.lines.read()? else { return Ok(None) };
         if self.lines.line() > SAMPLES_MAX + 1 {
             return Err(self.lines.refuse("more rows than the 10,000,000 that are read", &text));
@@ -213,7 +213,7 @@ pub(super) struct Samples {
 }
 
 /// Reads the samples of a captured run.
-pub(super) fn read_all(directory: &Path) -> Result<Samples, ReplayError> {
+pub(super) fn read_all(directory: &Path) -> Result<Samples> {
     let path = directory.join(SAMPLES_FILE);
     let mut reader = SampleReader::open(&path)?;
     let mut samples = Vec::new();
@@ -227,13 +227,13 @@ pub(super) fn read_all(directory: &Path) -> Result<Samples, ReplayError> {
     let twice = samples.iter().zip(samples.iter().skip(1)).find(|(one, next)| key(one) == key(next));
     if let Some((first, _)) = twice {
         let (why, text) = ("a part of this instant is there twice; wanted it once", first.sample.at.to_rfc3339());
-        return Err(ReplayError::Row { path, line: 0, why, text });
+        return Err(Refused(format!("{}:0: {why}; got \"{text}\"", path.display())).into());
     }
     Ok(Samples { samples, is_cut_off: reader.is_cut_off() })
 }
 
 /// Counts the rows of a captured run.
-pub(super) fn count(path: &Path) -> Result<u64, ReplayError> {
+pub(super) fn count(path: &Path) -> Result<u64> {
     let mut reader = SampleReader::open(path)?;
     let mut rows = 0;
     while reader.read()?.is_some() {

@@ -5,9 +5,8 @@
 //! without `end` the run was cut off. Form 1 is that of versions that captured one head of a bench; both forms are
 //! read.
 
-use super::exact_numbers::{exact, number, wrong};
-use super::injected::{Injected, KeptEvent};
-use super::{ReplayError, RowCounts, SESSION_FILE};
+use super::injected::{Injected, KeptEvent, exact, number, wrong};
+use super::{ReplayError, Result, RowCounts, SESSION_FILE};
 use base::{input_file::read_text, time::Tai};
 use config::{Backend, Document, Event, PackedDocuments, Scenario, Setting};
 use frames::sink::replace_own_file;
@@ -117,7 +116,7 @@ impl Session {
     ///
     /// # Errors
     /// When a file that the run file names cannot be read, or it does not check.
-    pub fn new(params: &SessionParams<'_>, format: CaptureFormat) -> Result<Self, ReplayError> {
+    pub fn new(params: &SessionParams<'_>, format: CaptureFormat) -> Result<Self> {
         let bus = match format {
             CaptureFormat::Candump => "bus.log",
             CaptureFormat::Pcapng => "bus.pcapng",
@@ -150,10 +149,9 @@ impl Session {
     ///
     /// # Errors
     /// When it cannot be written.
-    pub fn write(&self, directory: &Path) -> Result<(), ReplayError> {
+    pub fn write(&self, directory: &Path) -> Result<()> {
         let path = directory.join(SESSION_FILE);
-        let refuse = |why: serde_json::Error| ReplayError::Session { path: path.clone(), why: why.to_string() };
-        let text = serde_json::to_string_pretty(self).map_err(refuse)?;
+        let text = serde_json::to_string_pretty(self).map_err(|why| ReplayError::at(&path, why))?;
         replace_own_file(&path, |out| out.write_all(text.as_bytes()))?;
         Ok(())
     }
@@ -162,11 +160,10 @@ impl Session {
     ///
     /// # Errors
     /// When it cannot be read, is damaged, or has another form.
-    pub fn read(directory: &Path) -> Result<Self, ReplayError> {
+    pub fn read(directory: &Path) -> Result<Self> {
         let path = directory.join(SESSION_FILE);
-        let refuse = |source| ReplayError::File { path: path.clone(), doing: "read the session", source };
-        let text = read_text(&path, FILE_MAX).map_err(refuse)?;
-        let damaged = |why: String| ReplayError::Session { path: path.clone(), why };
+        let text = read_text(&path, FILE_MAX).map_err(ReplayError::file(&path, "read the session"))?;
+        let damaged = |why: String| ReplayError::at(&path, why);
         let mut session: Self = serde_json::from_str(&text)
             .map_err(|error| damaged(format!("{error}; wanted the session of a captured run")))?;
         if !FORMS_READ.contains(&session.form) {
@@ -185,7 +182,7 @@ impl Session {
     ///
     /// # Errors
     /// When one cannot be read or written.
-    pub fn keep_data(&mut self, directory: &Path) -> Result<(), ReplayError> {
+    pub fn keep_data(&mut self, directory: &Path) -> Result<()> {
         Ok(self.run_file.keep_data(directory)?)
     }
 
@@ -193,7 +190,7 @@ impl Session {
     ///
     /// # Errors
     /// The first file that is missing or changed.
-    pub fn check_data(&self) -> Result<(), ReplayError> {
+    pub fn check_data(&self) -> Result<()> {
         Ok(self.run_file.check_data()?)
     }
 
@@ -203,7 +200,7 @@ impl Session {
     }
 
     /// Returns the run file, checked with the run's duration.
-    fn checked(&self) -> Result<Scenario, ReplayError> {
+    fn checked(&self) -> Result<Scenario> {
         let document = Document::packed(self.run_file.clone())?;
         let settings: Vec<Setting> = self.settings.iter().map(|text| Setting::parse(text)).collect::<Result<_, _>>()?;
         let duration_s = number("duration_s", &self.duration_s)?;
@@ -211,7 +208,7 @@ impl Session {
     }
 
     /// Returns the events of the run that are not in its file.
-    fn events_beyond_file(&self, events: &[Event]) -> Result<Vec<KeptEvent>, ReplayError> {
+    fn events_beyond_file(&self, events: &[Event]) -> Result<Vec<KeptEvent>> {
         let (mut of_file, mut added) = (self.checked()?.events, Vec::new());
         for event in events {
             match of_file.iter().position(|known| known == event) {
@@ -226,7 +223,7 @@ impl Session {
     ///
     /// # Errors
     /// When it is no longer valid, or a number cannot be parsed.
-    pub fn scenario(&self) -> Result<Scenario, ReplayError> {
+    pub fn scenario(&self) -> Result<Scenario> {
         let mut scenario = self.checked()?;
         let bench = &mut scenario.bench;
         bench.timing.duration_s = number("duration_s", &self.duration_s)?;
@@ -249,7 +246,7 @@ impl Session {
     ///
     /// # Errors
     /// When a number cannot be parsed or is missing.
-    pub fn cost(&self) -> Result<Option<CostModel>, ReplayError> {
+    pub fn cost(&self) -> Result<Option<CostModel>> {
         let Some(texts) = &self.cost else { return Ok(None) };
         let mut numbers = serde_json::Map::new();
         for (name, text) in texts {

@@ -1,6 +1,7 @@
 //! Reads a table of a captured run line by line: complete lines only, none beyond a length.
 
-use super::ReplayError;
+use super::{ReplayError, Result};
+use base::refused::Refused;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -19,9 +20,9 @@ pub(super) struct TableLines<R> {
 
 impl TableLines<BufReader<File>> {
     /// Opens the file.
-    pub(super) fn open(path: &Path, doing: &'static str, most: (u64, &'static str)) -> Result<Self, ReplayError> {
-        let refuse = |source| ReplayError::File { path: path.into(), doing, source };
-        Ok(Self::new(BufReader::new(File::open(path).map_err(refuse)?), path, doing, most))
+    pub(super) fn open(path: &Path, doing: &'static str, most: (u64, &'static str)) -> Result<Self> {
+        let file = File::open(path).map_err(ReplayError::file(path, doing))?;
+        Ok(Self::new(BufReader::new(file), path, doing, most))
     }
 }
 
@@ -42,12 +43,12 @@ impl<R: BufRead> TableLines<R> {
     }
 
     /// Returns the next line without its end; `None` at the end of the file.
-    pub(super) fn read(&mut self) -> Result<Option<String>, ReplayError> {
+    pub(super) fn read(&mut self) -> Result<Option<String>> {
         let (most, too_long) = self.most;
         let mut bytes = Vec::new();
         self.line += 1;
         let read = self.source.by_ref().take(most).read_until(b'\n', &mut bytes);
-        read.map_err(|source| ReplayError::File { path: self.path.clone(), doing: self.doing, source })?;
+        read.map_err(ReplayError::file(&self.path, self.doing))?;
         let text = String::from_utf8_lossy(&bytes).into_owned();
         match text.strip_suffix('\n') {
             Some(whole) => Ok(Some(whole.trim_end_matches('\r').into())),
@@ -61,7 +62,7 @@ impl<R: BufRead> TableLines<R> {
 
     /// Returns the error of the latest line.
     pub(super) fn refuse(&self, why: &'static str, text: &str) -> ReplayError {
-        let text = text.chars().take(60).map(|c| if c.is_control() { '.' } else { c }).collect();
-        ReplayError::Row { path: self.path.clone(), line: self.line, why, text }
+        let text: String = text.chars().take(60).map(|c| if c.is_control() { '.' } else { c }).collect();
+        Refused(format!("{}:{}: {why}; got \"{text}\"", self.path.display(), self.line)).into()
     }
 }

@@ -1,10 +1,18 @@
+//! Files that keys name: SPICE kernels and images.
+//!
 //! SPICE kernels that a bench names: binary ones (CK, SPK), and the text kernels (SCLK, LSK) that go with them.
 //!
 //! A build without the feature `spice` refuses them. Tests: `hil_scripts/test_spice.py`.
+//!
+//! Images that a configuration names: FITS files, relative to the file that names them.
 
+use crate::error::{ConfigError, Result};
 use crate::key_type::{Raw, Whole};
-use crate::{check::Checker, error::ConfigError, key::Given};
+use crate::{check::Checker, key::Given};
+use base::input_file::{DATA_BYTES, InputFile};
+use frames::sink::fits::FitsImage;
 use histories::{AttitudeHistory, HistoryError, OrbitHistory, read};
+use std::io::BufReader;
 
 /// A file that may be a kernel, and the keys that go with one.
 pub(super) struct Kernels<'k> {
@@ -15,7 +23,7 @@ pub(super) struct Kernels<'k> {
 
 impl Kernels<'_> {
     /// Returns true for a kernel; refuses the keys of one beside another file.
-    fn is_kernel(&self, check: &Checker<'_>) -> Result<bool, ConfigError> {
+    fn is_kernel(&self, check: &Checker<'_>) -> Result<bool> {
         let Some(path) = self.file.raw().map(|path| check.document.data_beside(path)) else { return Ok(false) };
         let is_kernel = read::is_kernel(&path);
         if !is_kernel && (self.texts.is_given() || self.naif_id.is_given()) {
@@ -28,12 +36,12 @@ impl Kernels<'_> {
     }
 
     /// Reads attitudes of a CK file; returns `None` where the file is not a kernel.
-    pub(super) fn attitudes(self, check: &Checker<'_>) -> Result<Option<AttitudeHistory>, ConfigError> {
+    pub(super) fn attitudes(self, check: &Checker<'_>) -> Result<Option<AttitudeHistory>> {
         if self.is_kernel(check)? { self.read_attitudes(check).map(Some) } else { Ok(None) }
     }
 
     /// Reads the orbit of an SPK file; returns `None` where the file is not a kernel.
-    pub(super) fn orbit(self, check: &Checker<'_>) -> Result<Option<OrbitHistory>, ConfigError> {
+    pub(super) fn orbit(self, check: &Checker<'_>) -> Result<Option<OrbitHistory>> {
         if self.is_kernel(check)? { self.read_orbit(check).map(Some) } else { Ok(None) }
     }
 }
@@ -46,15 +54,15 @@ pub(super) fn refused(given: &Given<'_, String>, error: &HistoryError, check: &C
 
 #[cfg(feature = "spice")]
 impl Kernels<'_> {
-    fn read_attitudes(self, check: &Checker<'_>) -> Result<AttitudeHistory, ConfigError> {
+    fn read_attitudes(self, check: &Checker<'_>) -> Result<AttitudeHistory> {
         self.read(check, histories::spice::attitudes)
     }
 
-    fn read_orbit(self, check: &Checker<'_>) -> Result<OrbitHistory, ConfigError> {
+    fn read_orbit(self, check: &Checker<'_>) -> Result<OrbitHistory> {
         self.read(check, histories::spice::orbit)
     }
 
-    fn read<H>(self, check: &Checker<'_>, reader: Reader<H>) -> Result<H, ConfigError> {
+    fn read<H>(self, check: &Checker<'_>, reader: Reader<H>) -> Result<H> {
         use histories::spice::KernelFile;
         let path = self.file.raw().cloned().unwrap_or_default();
         let bytes = check.document.bytes_of(&self.file.key(), &path)?;
@@ -78,11 +86,11 @@ type Reader<H> =
 
 #[cfg(not(feature = "spice"))]
 impl Kernels<'_> {
-    fn read_attitudes(self, check: &Checker<'_>) -> Result<AttitudeHistory, ConfigError> {
+    fn read_attitudes(self, check: &Checker<'_>) -> Result<AttitudeHistory> {
         Err(self.refused(check))
     }
 
-    fn read_orbit(self, check: &Checker<'_>) -> Result<OrbitHistory, ConfigError> {
+    fn read_orbit(self, check: &Checker<'_>) -> Result<OrbitHistory> {
         Err(self.refused(check))
     }
 
@@ -91,4 +99,32 @@ impl Kernels<'_> {
         let advice = "install one with `cargo install --locked --path . --features spice`, or convert it to AEM or OEM";
         check.invalid(&self.file.key(), "a SPICE kernel", wanted, advice)
     }
+}
+
+/// Reads the FITS image that `key` names and holds it to the wanted size; row by row from the top, as floats.
+#[allow(clippy::cast_possible_truncation, reason = "maps are used in single precision")]
+pub(super) fn read_image(check: &Checker<'_>, key: &str, path: &str, size_px: [u32; 2]) -> Result<Vec<f32>> {
+    let file = check.document.data_beside(path);
+    let refuse = |why: String| ConfigError::Read {
+        file: file.display().to_string(),
+        why,
+        named_by: format!(
+            "; named by {key} in {}: paths are relative to the file that names them",
+            check.document.name()
+        ),
+    };
+    let input = InputFile::open(&file, DATA_BYTES).map_err(|error| refuse(error.to_string()))?;
+    let image = FitsImage::read(BufReader::new(input)).map_err(|error| refuse(error.to_string()))?;
+    let [width, height] = size_px.map(|side| side as usize);
+    if [image.width, image.height] != [width, height] {
+        let got = format!("{path}, an image of {} x {} pixels", image.width, image.height);
+        let wanted = format!("{width} x {height} pixels, as the detector has");
+        return Err(check.invalid(
+            key,
+            got,
+            wanted,
+            "crop or bin the image, or change detector.width_px and height_px",
+        ));
+    }
+    Ok(image.top_row_first().into_iter().map(|value| value as f32).collect())
 }
