@@ -57,7 +57,11 @@ impl Controlled for Steered<'_> {
             return Ok((Instants { zero: times.zero, now: times.end, end: times.end }, numbers, true));
         }
         let instants = self.instants()?;
-        Ok((instants, self.steering.numbers()?, false))
+        match self.steering.numbers() {
+            Ok(numbers) => Ok((instants, numbers, false)),
+            // The frame thread has ended since: the run is summed up now.
+            Err(error) => self.steering.awaited_end().map(|(times, numbers)| (times, numbers, true)).ok_or(error),
+        }
     }
 
     fn on_far_side<T: Send + 'static>(&mut self, act: impl FnOnce(&mut FarSide) -> T + Send + 'static) -> Answer<T> {
