@@ -131,7 +131,7 @@ impl Steering {
     /// Waits for the end of a run whose frame thread has ended.
     pub(super) fn awaited_end(&self) -> Option<(RunTimes, RunNumbers)> {
         let waited = Stopwatch::start();
-        while self.ended().is_none() && waited.elapsed() < END_WITHIN {
+        while self.has_begun() && self.ended().is_none() && waited.elapsed() < END_WITHIN {
             std::thread::sleep(Duration::from_millis(5));
         }
         self.ended()
