@@ -285,7 +285,7 @@ mod tests {
     fn another_message_beside_the_elements_is_named() {
         let both = xml().replace("</ndm>", "<oem></oem></ndm>");
         let refused = read(&both, None).unwrap_err().to_string();
-        assert!(refused.contains("line 2: wanted OMMs alone, got an OEM besides"), "{refused}");
+        assert!(refused.contains("line 19: wanted OMMs alone, got an OEM besides"), "{refused}");
         assert!(read(&xml(), None).is_ok(), "control");
     }
 
