@@ -226,9 +226,9 @@ class PlainLinks(unittest.TestCase):
             return starloop.stop()
 
     def test_refused_lines_of_42_are_quoted_with_the_keys_to_check(self):
-        for message, quote in (
-            (lambda t: as_42(t).replace(b"SC[0]", b"SC[1]"), '"[ENDMSG]" (plain_incomplete)'),
-            (lambda t: b"hello world\n", '"hello world" (plain_unread_line)'),
+        for message, quote, reason in (
+            (lambda t: as_42(t).replace(b"SC[0]", b"SC[1]"), '"SC[1].qn = [', '" (plain_incomplete)'),
+            (lambda t: b"hello world\n", '"hello world', 'world" (plain_unread_line)'),
         ):
             with self.subTest(quote), tempfile.TemporaryDirectory() as folder, Lines42Bench(folder, "listen = 0") as starloop:
                 out = socket.create_connection(starloop.address)
@@ -236,6 +236,7 @@ class PlainLinks(unittest.TestCase):
                     time.sleep(2.0)
                 reasons = {reason["kind"]: reason["text"] for reason in starloop.stop()["reasons"]}
                 self.assertIn(quote, reasons["no_attitude"])
+                self.assertIn(reason, reasons["no_attitude"])
                 self.assertIn("spacecraft_number", reasons["no_attitude"])
                 self.assertNotIn("id_bits", reasons["no_attitude"])
 

@@ -99,7 +99,7 @@ impl<'a> Block<'a> {
                 self.boundaries_s.push(seconds);
             }
             Place::Covariances => {}
-            Place::Inside if starts(key, "Covariance") => return Ok(Place::Covariances),
+            Place::Inside if starts(key, "CovarianceTime") => return Ok(Place::Covariances),
             Place::Inside if !self.rows_are.key.is_empty() => self.rows.push(Row { text: Cow::Borrowed(line), offset }),
             Place::Inside if starts(key, name) && starts(key.get(name.len()..).unwrap_or_default(), "L") => {
                 let wanted = format!("{name}Time...: positions and velocities in inertial axes, no geodetic ones");

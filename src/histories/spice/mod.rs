@@ -80,19 +80,26 @@ fn texts(kernels: &[KernelFile<'_>]) -> Result<Vec<TextKernel>, HistoryError> {
     kernels.iter().map(|kernel| TextKernel::read(kernel.bytes, &kernel.source())).collect()
 }
 
+/// Most numbers of a file that a message names.
+const MOST_SHOWN: usize = 20;
+
 /// Returns the wanted one of the numbers in a file.
 fn chosen(numbers: &[i32], wanted: Option<i32>, what: &str, source: &Source<'_>) -> Result<i32, HistoryError> {
     let mut known = numbers.to_vec();
     known.sort_unstable();
     known.dedup();
-    known.truncate(20);
+    let shown = &known[..known.len().min(MOST_SHOWN)];
+    let and_more = if known.len() > shown.len() { " and others" } else { "" };
     match (wanted, known.as_slice()) {
         (Some(wanted), known) if known.contains(&wanted) => Ok(wanted),
         (None, [only]) => Ok(*only),
-        (Some(wanted), known) => {
-            Err(source.whole(format!("{what} {wanted} is not in it; wanted one of {known:?}: name it by its number")))
+        (Some(wanted), _) => {
+            let why = format!("{what} {wanted} is not in it; wanted one of {shown:?}{and_more}: name it by its number");
+            Err(source.whole(why))
         }
-        (None, known) => Err(source.whole(format!("it has {what}s {known:?}; wanted one: name it by its number"))),
+        (None, _) => {
+            Err(source.whole(format!("it has {what}s {shown:?}{and_more}; wanted one: name it by its number")))
+        }
     }
 }
 

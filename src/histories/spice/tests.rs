@@ -352,3 +352,12 @@ fn windows_that_are_too_wide_are_refused_with_their_rows() {
     assert!(with(9, 27.0).is_ok());
     assert!(with(9, 28.0).unwrap_err().contains("degree 28; wanted at most 27"));
 }
+
+#[test]
+fn any_of_many_numbers_is_found_and_a_message_names_some() {
+    let kernel = KernelFile { file: "many.bsp", bytes: &[] };
+    let numbers: Vec<i32> = (0..30).collect();
+    assert_eq!(chosen(&numbers, Some(27), "target", &kernel.source()).unwrap(), 27);
+    let refused = chosen(&numbers, Some(99), "target", &kernel.source()).unwrap_err().to_string();
+    assert!(refused.contains("target 99 is not in it") && refused.contains("19] and others"), "{refused}");
+}

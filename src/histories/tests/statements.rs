@@ -158,6 +158,9 @@ fn segments_of_stk_end_at_their_boundaries_and_covariances_are_left_out() {
     );
     assert_ne!(closed, file, "control");
     assert_eq!(orbit(&closed).rows(), 4);
+    // The form of covariances is stated before the rows.
+    let stated = closed.replace("DistanceUnit", "CovarianceFormat LowerTriangular\nDistanceUnit");
+    assert_eq!(orbit(&stated).rows(), 4);
 }
 
 #[test]

@@ -37,7 +37,7 @@ pub(super) struct FortyTwo {
     vel_n: Option<[f64; 3]>,
     /// A line of the message was refused, and with it the message.
     is_refused: bool,
-    /// What to quote when all of it is refused: its attitude, or else its first line about a spacecraft.
+    /// The line that is quoted when all of it is refused: its attitude, or else its first line about a spacecraft.
     quoted: Option<RefusedMessage>,
 }
 

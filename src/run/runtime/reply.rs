@@ -5,7 +5,7 @@
 //! EXPOSURE, STATUS state, right ascension, declination and roll of this frame, one of STATUS prediction and clock in
 //! turn, one STATUS rejects (each reason when its count has risen, once a second at most). No EXPOSURE before the first
 //! attitude. Only the flight computer sends HEARTBEAT: two senders of one identifier would collide on a real bus, and
-//! STATUS shows that the stimulator is alive. CAMERA_STATUS of every head follows, once requested ([`camera_pages`]).
+//! STATUS shows that the stimulator is alive. CAMERA_STATUS of every head follows, once requested (`camera_pages`).
 //! Tests: `tests/closed_loop/session.rs`.
 
 use crate::runtime::{port_reading::REASONS, receiver::Receiver};

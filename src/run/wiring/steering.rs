@@ -12,7 +12,7 @@ use crate::runtime::{real_head::FrameOrder, receiver::Receiver};
 use crate::wiring::error::{LoopError, Result};
 use crate::wiring::faults::{FaultDesk, lock, make_ready};
 use crate::wiring::{control::NewestFrames, far_side::FarSide, replay::SampleTap, run_clock::RunTimes};
-use base::clock::Clock;
+use base::clock::{Clock, Stopwatch};
 use base::time::{Span, Tai};
 use config::{Action, Event};
 use core::time::Duration;
@@ -28,6 +28,8 @@ const ORDERS: usize = 16;
 const SAMPLES: usize = 8192;
 /// Timeout for an order to be executed.
 const DONE_WITHIN: Duration = Duration::from_secs(120);
+/// Timeout for a run to be summed up when its frame thread has ended.
+const END_WITHIN: Span = Span::from_ms(10_000);
 
 /// A run on the real clock as seen from outside.
 #[derive(Clone)]
@@ -124,6 +126,15 @@ impl Steering {
     /// Returns the instants and counts of a run that is over.
     pub fn ended(&self) -> Option<(RunTimes, RunNumbers)> {
         *lock(&self.last)
+    }
+
+    /// Waits for the end of a run whose frame thread has ended.
+    pub(super) fn awaited_end(&self) -> Option<(RunTimes, RunNumbers)> {
+        let waited = Stopwatch::start();
+        while self.has_begun() && self.ended().is_none() && waited.elapsed() < END_WITHIN {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        self.ended()
     }
 
     /// Returns the events that were injected so far, as they were placed, with their times after the first exposure.

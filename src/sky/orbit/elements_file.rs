@@ -3,7 +3,7 @@
 use super::{TleOrbit, omm};
 use super::{
     omm_forms::form_of,
-    tle::{is_line, no_such_object},
+    tle::{LINE_LENGTH, is_line, no_such_object},
 };
 use base::{refused::Refused, time::Tai};
 
@@ -11,11 +11,14 @@ use base::{refused::Refused, time::Tai};
 const BYTE_ORDER_MARK: char = '\u{feff}';
 
 /// Returns whether a text is meant as elements: a message of mean elements, or lines that begin with 1 and 2, whatever
-/// else is wrong with them.
+/// else is wrong with them, or one of the two with its whole length.
 pub fn is_elements(text: &str) -> bool {
     let text = text.trim_start_matches(BYTE_ORDER_MARK);
     let has_line = |number: char| text.lines().any(|line| is_line(number, line) && !line.contains(','));
-    form_of(text).is_some() || (has_line('1') && has_line('2'))
+    let is_whole = |line: &str| {
+        line.trim_end().len() == LINE_LENGTH && !line.contains(',') && (is_line('1', line) || is_line('2', line))
+    };
+    form_of(text).is_some() || (has_line('1') && has_line('2')) || text.lines().any(is_whole)
 }
 
 impl TleOrbit {

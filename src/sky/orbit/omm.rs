@@ -282,6 +282,14 @@ mod tests {
     }
 
     #[test]
+    fn another_message_beside_the_elements_is_named() {
+        let both = xml().replace("</ndm>", "<oem></oem></ndm>");
+        let refused = read(&both, None).unwrap_err().to_string();
+        assert!(refused.contains("line 19: wanted OMMs alone, got an OEM besides"), "{refused}");
+        assert!(read(&xml(), None).is_ok(), "control");
+    }
+
+    #[test]
     fn errors_name_their_place() {
         let message = |text: &str| read(text, None).unwrap_err().to_string();
         let cut = message(&OBJECT[..200]);

@@ -12,6 +12,9 @@ const MOST_OBJECTS: usize = 100_000;
 /// The first keyword of a message in KVN.
 const FIRST_KEYWORD: &str = "CCSDS_OMM_VERS";
 
+/// Other messages that an NDM of CCSDS 505.0-B may hold.
+const OTHER_MESSAGES: [&str; 9] = ["acm", "aem", "apm", "cdm", "ocm", "oem", "opm", "rdm", "tdm"];
+
 /// The form of a text.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Form {
@@ -136,6 +139,12 @@ fn of_xml(text: &str) -> Result<Vec<Message>, Refused> {
             column = place.col as usize
         ))
     })?;
+    let is_other = |node: &roxmltree::Node<'_, '_>| OTHER_MESSAGES.contains(&node.tag_name().name());
+    if let Some(other) = document.descendants().find(is_other) {
+        let (line, name) = (document.text_pos_at(other.range().start).row, other.tag_name().name().to_uppercase());
+        let why = format!("wanted OMMs alone, got an {name} besides: give each kind of message a file of its own");
+        return Err(Refused(format!("orbit mean-elements message, line {line}: {why}")));
+    }
     let found = document.descendants().filter(|node| node.tag_name().name() == "omm");
     let message = |node: roxmltree::Node<'_, '_>| {
         let line = document.text_pos_at(node.range().start).row as usize;

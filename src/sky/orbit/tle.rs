@@ -31,7 +31,7 @@ const EPOCH_YEARS: RangeInclusive<i32> = 1957..=2099;
 /// other.
 const MOST_DAYS: f64 = 36_525.0;
 /// Characters of each line.
-const LINE_LENGTH: usize = 69;
+pub(super) const LINE_LENGTH: usize = 69;
 
 /// Plain decimal fields: line, first and last column (from 1), name. Columns as in Hoots and Roehrich, Spacetrack
 /// Report No. 3 (1980).
@@ -467,6 +467,13 @@ mod tests {
         let marked = format!("\u{feff}{FIRST}\n{SECOND}\n");
         assert_eq!(read(&marked, None).expect("a mark does no damage").norad_id(), 5);
         assert!(super::super::is_elements(&marked));
+        // One line without the other.
+        for line in [FIRST, SECOND] {
+            assert!(super::super::is_elements(line), "{line}");
+            let refused = TleOrbit::read(line, None, Tai::from_ns(0)).unwrap_err().to_string();
+            assert!(refused.contains("wanted pairs of lines"), "{refused}");
+            assert!(!super::super::is_elements(&line[..40]), "control");
+        }
         let no_break = read(&format!("{}\n{SECOND}", FIRST.replacen("1 00005U 58", "1\u{a0}00005U 58", 1)), None)
             .expect_err("damaged");
         assert!(no_break.to_string().contains("69 ASCII characters, got 69 with '\\u{a0}'"), "{no_break}");

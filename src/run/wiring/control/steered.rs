@@ -5,7 +5,7 @@
 use super::answers::{Answer, Controlled, Instants, Refusal};
 use super::samples::SampleList;
 use crate::runtime::{Ledger, exposing::Exposing};
-use crate::wiring::{far_side::FarSide, steering::Steering};
+use crate::wiring::{far_side::FarSide, run_times::RunTimes, steering::Steering};
 use base::time::{Span, Tai};
 use config::{Event, Plant, Scenario};
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -53,11 +53,15 @@ impl Controlled for Steered<'_> {
     }
 
     fn so_far(&self) -> Answer<(Instants, RunNumbers, bool)> {
-        if let Some((times, numbers)) = self.steering.ended() {
-            return Ok((Instants { zero: times.zero, now: times.end, end: times.end }, numbers, true));
+        let over = |(times, numbers): (RunTimes, RunNumbers)| {
+            (Instants { zero: times.zero, now: times.end, end: times.end }, numbers, true)
+        };
+        if let Some(ended) = self.steering.ended() {
+            return Ok(over(ended));
         }
-        let instants = self.instants()?;
-        Ok((instants, self.steering.numbers()?, false))
+        let going = self.instants().and_then(|instants| Ok((instants, self.steering.numbers()?, false)));
+        // The frame thread may have ended since: the run is summed up then.
+        going.or_else(|error| self.steering.awaited_end().map(over).ok_or(error))
     }
 
     fn on_far_side<T: Send + 'static>(&mut self, act: impl FnOnce(&mut FarSide) -> T + Send + 'static) -> Answer<T> {
