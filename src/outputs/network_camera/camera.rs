@@ -75,7 +75,7 @@ impl NetworkCamera {
             message_source_port,
         };
         let device = Device::new(params, sensor, place, commands).map_err(refuse("deflate its XML"))?;
-        let shared = device.shared();
+        let shared = Arc::clone(&device.camera.shared);
         let pixels = sensor.size_px.iter().map(|side| *side as usize).product();
         let (full, frames) = bounded(params.frames_queued as usize);
         let (given_back, free) = bounded(params.frames_queued as usize);

@@ -8,8 +8,9 @@ mod region_tests;
 mod user_set_tests;
 
 use super::*;
+use crate::network_camera::features::{at, own};
 use crate::network_camera::gvsp::tests::one_region;
-use crate::network_camera::registers::{self, at, own};
+use crate::network_camera::registers;
 use base::time::{Span, Tai};
 use proptest::prelude::*;
 use std::net::{Ipv4Addr, SocketAddrV4};

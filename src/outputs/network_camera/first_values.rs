@@ -1,8 +1,9 @@
 //! The first contents of the device's memory: addresses of the XML, bootstrap registers, features.
 
+use crate::network_camera::features::{at, own};
 use crate::network_camera::params::{CommandParams, DeviceParams, Identity, SensorParams, XmlForm};
 use crate::network_camera::pixel_format::PixelFormat;
-use crate::network_camera::registers::{FIRST_XML, Memory, OVERLAPS, SECOND_XML, SOURCES, at, own};
+use crate::network_camera::registers::{FIRST_XML, Memory, OVERLAPS, SECOND_XML, SOURCES};
 use frames::camera_control::{ExposureMode, TriggerSource};
 
 /// Specification version reported to clients: 1.2, the first with all features in use here.

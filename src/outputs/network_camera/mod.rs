@@ -33,7 +33,7 @@
 //! `test_camera_events.py` (events, actions), `test_camera_ptp.py`.
 //!
 //! Tour: `params` -> `pixel_format`, `test_pattern`, `chunk` (forms of a frame) -> `gvcp`, `gvsp`, `messages`
-//! (bytes) -> `registers`, `user_sets`, `xml` (memory) -> `acquisition`, `control`, `repeats`, `ptp`, `device` (the
+//! (bytes) -> `features` (the table), `registers`, `user_sets`, `xml` (memory) -> `acquisition`, `control`, `repeats`, `ptp`, `device` (the
 //! state machine) -> `shared`, `slots` (between threads) -> `interface`, `pacing`, `packets`, `stream`, `listener`
 //! (sockets and threads) -> `camera` (the sink).
 
@@ -45,6 +45,8 @@ mod counters;
 mod device;
 #[cfg(test)]
 mod device_tests;
+mod feature;
+mod features;
 mod first_values;
 mod gvcp;
 mod gvsp;
@@ -69,8 +71,6 @@ mod user_sets;
 #[cfg(test)]
 mod tests;
 mod xml;
-mod xml_features;
-mod xml_nodes;
 
 pub use acquisition::Wanted;
 pub use camera::NetworkCamera;

@@ -1,7 +1,7 @@
 //! The camera on loopback: the promises of every sink, and hostile clients.
 
 use super::*;
-use crate::network_camera::registers::{at, own};
+use crate::network_camera::features::{at, own};
 use base::{clock::Monotonic, image::DnImage};
 use core::cell::Cell;
 use core::sync::atomic::{AtomicBool, Ordering};
