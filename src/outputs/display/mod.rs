@@ -17,13 +17,11 @@
 //! The module that opens windows, `screen`, is in builds with the feature `display`; `without` has its names in the
 //! others, and its error says how to build it. Calibrations and numbers are in all of them.
 //!
-//! Limits: X11 (Wayland desktops through Xwayland), Vulkan; without a server `direct_scanout`, a cargo feature that has
-//! never been run on a monitor. Ten bits where the driver offers A2B10G10R10. When the X server itself dies, Xlib ends
-//! the program; so does a client that is killed from outside (`xkill`).
+//! Limits: X11 (Wayland desktops through Xwayland), Vulkan. Ten bits where the driver offers A2B10G10R10. When the
+//! X server itself dies, Xlib ends the program; so does a client that is killed from outside (`xkill`).
 //!
 //! Tour: `params` (parameters) -> `monitor` (choice of the screen) -> `screen` (the sink): `refresh` (how often),
-//! `window`, `placement`, `plug` (a window that fills it) or `connector`, `mode`, `direct_scanout` (a monitor without a
-//! server), `panel`, `surface`, `format`, `painter` (what can be shown on), `hand_over` (the newest frame whose time has
+//! `window`, `placement`, `plug` (a window that fills it), `panel`, `surface`, `format`, `painter` (what can be shown on), `hand_over` (the newest frame whose time has
 //! come), `presenter` (each refresh) -> `grey`, `marker`, `picture` (the picture) -> `counters`, `submitted`, `submit_log`
 //! (results).
 //!
@@ -61,7 +59,7 @@ pub use error::DisplayError;
 pub use grey::{GreyMaker, GreyTable};
 pub use marker::{Corner, Marker};
 pub use monitor::{MonitorChoice, MonitorFacts};
-pub use params::{Bits, CardChoice, Params};
+pub use params::{Bits, Params};
 #[cfg(feature = "display")]
 pub use screen::{Display, monitors, painter};
 pub use submit_log::{SUBMITS, SubmitRow};

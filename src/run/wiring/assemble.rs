@@ -20,8 +20,8 @@ use crate::wiring::run_clock::{RunClock, RunClockKind};
 use crate::wiring::sinks::{directory_of_head, make_sinks};
 use crate::wiring::tracker_outs::{TrackerOuts, WaitingOut, tap_heads};
 use crate::wiring::{
-    capture_tap::CaptureOptions, display_parts::hold_cards, error::LoopError, far_side::FarSide, faults::Inventory,
-    run_times::RunTimes, sink_setting::SinkSetting, start, steering::Steering, taps::Taps, trigger_lines::arm,
+    capture_tap::CaptureOptions, error::LoopError, far_side::FarSide, faults::Inventory, run_times::RunTimes,
+    sink_setting::SinkSetting, start, steering::Steering, taps::Taps, trigger_lines::arm,
 };
 use anyhow::Context;
 use base::time::{Span, Tai};
@@ -126,10 +126,6 @@ impl Run {
         }
         check_memory(&scenario, &outputs, clock, live.is_some())?;
         let start = start::planned_start(scenario.bench.timing.start, clock);
-        let cards = match &outputs {
-            Outputs::Configured { sinks, .. } => Some(hold_cards(sinks)),
-            Outputs::Made(_) => None,
-        };
         let mut no_costs = |_: &Imager| None;
         let costs: Option<CostsHere<'_>> = match (clock, costs) {
             (RunClockKind::Real, Some(costs)) => Some(costs),
@@ -137,7 +133,6 @@ impl Run {
             (RunClockKind::Virtual, _) => None,
         };
         let mut heads = make_heads(HeadSetting { scenario: &scenario, start, costs })?;
-        drop(cards);
         let receiver = make_receiver(&scenario, &heads)?;
         arm(&scenario.bench, &mut heads)?;
         let clock = RunClock::new(clock, start);
