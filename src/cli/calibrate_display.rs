@@ -16,7 +16,7 @@ use clap::{Args, Subcommand};
 use config::Camera;
 use outputs::display::calibration::{Calibration, DisplayIdentity, Grid, Pattern, Plan, Tracker, TrackerIdentity, fit};
 use outputs::display::{
-    beat::BeatInput, calibration::fit::FitOptions, calibration::report::reported, dither::Dither, latency::Latency,
+    beat::BeatInput, calibration::fit::FitOptions, calibration::report::reported, drive::Dither, latency::Latency,
 };
 use run::wiring::{camera_parts::camera_params, display_parts::SPOT_SIGMA_PX};
 use sky::astrometry::CameraGeometry;

@@ -5,7 +5,7 @@ use base::clock::{Clock, Monotonic};
 use base::time::Tai;
 use frames::sink::{png, write_file_atomically};
 use outputs::display::calibration::{Fitted, Pattern, Plan};
-use outputs::display::{calibration::report::reported, dither::Dither};
+use outputs::display::{calibration::report::reported, drive::Dither};
 use std::path::Path;
 
 /// Name of the plan in its folder.

@@ -95,7 +95,7 @@ fn shrunk(image: &FitsImage, shrink: usize) -> DnImage {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use frames::sink::fits::{Header, array::OwnedPixels};
+    use frames::sink::fits::{Header, image::OwnedPixels};
 
     #[test]
     fn brightest_of_each_block_is_kept_also_at_the_edge() {

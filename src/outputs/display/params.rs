@@ -1,6 +1,6 @@
 //! The parameters of a display.
 
-use crate::display::{marker::Marker, monitor::MonitorChoice};
+use crate::display::{monitor::MonitorChoice, picture::Marker};
 use base::time::Span;
 
 /// Bits of a grey on the way to the monitor.

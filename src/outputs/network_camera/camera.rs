@@ -3,10 +3,10 @@
 use crate::network_camera::interface::{self, Interface};
 use crate::network_camera::packets::{Outlet, TestOutlet};
 use crate::network_camera::params::{CommandParams, DeviceParams, Params, SensorParams};
+use crate::network_camera::shared::{Shared, Slot};
 use crate::network_camera::stream::{Kept, Stream};
 use crate::network_camera::{
-    acquisition::Turn, counters::Counters, device::Device, listener::Listener, ptp::PtpClient, shared::Shared,
-    slots::Slot,
+    acquisition::Turn, counters::Counters, device::Device, listener::Listener, ptp::PtpClient,
 };
 use base::clock::{Clock, Monotonic};
 use base::{refused::Refused, time::Span};

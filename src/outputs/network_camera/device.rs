@@ -16,14 +16,13 @@ mod values;
 use crate::network_camera::control::Change;
 use crate::network_camera::counters::{Counters, Tally};
 use crate::network_camera::features::{at, own};
-use crate::network_camera::first_values::{
-    HEARTBEAT_MS, XmlView, write_bootstrap, write_features, write_settings, write_urls,
-};
 use crate::network_camera::gvcp::{self, Action, Command, Malformed, Resend, Status};
 use crate::network_camera::gvsp::{IP_UDP_BYTES, StreamSettings};
 use crate::network_camera::messages::{Channel, Messages};
 use crate::network_camera::params::{CommandParams, DeviceParams, PACKET_BYTES_MIN, Params, SensorParams, XmlForm};
-use crate::network_camera::registers::{FIRST_XML, Memory, SECOND_XML};
+use crate::network_camera::registers::{
+    FIRST_XML, HEARTBEAT_MS, Memory, SECOND_XML, XmlView, write_bootstrap, write_features, write_settings, write_urls,
+};
 use crate::network_camera::{acquisition::Wanted, pixel_format::PixelFormat, proof::Proof, shared::Shared, xml};
 use access::Access;
 use base::time::{Span, Tai};

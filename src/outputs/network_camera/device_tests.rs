@@ -9,8 +9,7 @@ mod user_set_tests;
 
 use super::*;
 use crate::network_camera::features::{at, own};
-use crate::network_camera::gvsp::tests::one_region;
-use crate::network_camera::registers;
+use crate::network_camera::{gvsp::tests::one_region, registers};
 use base::time::{Span, Tai};
 use proptest::prelude::*;
 use std::net::{Ipv4Addr, SocketAddrV4};

@@ -33,9 +33,9 @@
 //! `test_camera_events.py` (events, actions), `test_camera_ptp.py`.
 //!
 //! Tour: `params` -> `pixel_format`, `test_pattern`, `chunk` (forms of a frame) -> `gvcp`, `gvsp`, `messages`
-//! (bytes) -> `features` (the table), `registers`, `user_sets`, `xml` (memory) -> `acquisition`, `control`, `repeats`, `ptp`, `device` (the
-//! state machine) -> `shared`, `slots` (between threads) -> `interface`, `pacing`, `packets`, `stream`, `listener`
-//! (sockets and threads) -> `camera` (the sink).
+//! (bytes) -> `features` (the table), `registers`, `user_sets`, `xml` (memory) -> `acquisition`, `control`, `ptp`,
+//! `device` (the state machine) -> `shared` (between threads) -> `interface`, `packets`, `stream`, `listener` (sockets
+//! and threads) -> `camera` (the sink).
 
 mod acquisition;
 mod camera;
@@ -47,13 +47,11 @@ mod device;
 mod device_tests;
 mod feature;
 mod features;
-mod first_values;
 mod gvcp;
 mod gvsp;
 mod interface;
 mod listener;
 mod messages;
-mod pacing;
 mod packets;
 mod params;
 mod pixel_format;
@@ -61,12 +59,9 @@ mod proof;
 mod ptp;
 mod regions;
 mod registers;
-mod repeats;
 mod shared;
-mod slots;
 mod stream;
 mod test_pattern;
-mod unreachable;
 mod user_sets;
 #[cfg(test)]
 mod tests;

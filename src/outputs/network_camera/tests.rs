@@ -5,8 +5,7 @@ use crate::network_camera::features::{at, own};
 use base::{clock::Monotonic, image::DnImage};
 use core::cell::Cell;
 use core::sync::atomic::{AtomicBool, Ordering};
-use frames::sink::{Loss, LossKind, SentFrame, Sink};
-use frames::sink::{compliance::check_sink, sample::sample_frame};
+use frames::sink::{Loss, LossKind, SentFrame, Sink, compliance::check_sink, sample::sample_frame};
 use std::net::{Ipv4Addr, UdpSocket};
 use std::{sync::Arc, time::Duration};
 

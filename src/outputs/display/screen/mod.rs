@@ -1,11 +1,7 @@
 //! The sink: frames in, a monitor that shows them.
 
-mod format;
-mod panel;
 mod hand_over;
 pub mod painter;
-mod placement;
-mod plug;
 mod presenter;
 mod refresh;
 mod state;
@@ -15,13 +11,12 @@ mod window;
 pub use window::monitors;
 
 use crate::display::counters::{Counts, count};
-use crate::display::params::Params;
 use crate::display::screen::hand_over::{Outgoing, hand_over};
 use crate::display::screen::presenter::{Pace, Presenter, Showing};
-use crate::display::screen::surface::VulkanPanel;
+use crate::display::screen::surface::{Panel, VulkanPanel};
 use crate::display::screen::window::{Opened, Order};
-use crate::display::{error::DisplayError, grey::GreyMaker, picture::Picture};
-use crate::display::{screen::panel::Panel, screen::state::State, submit_log::SubmitLog, submitted::Submitted};
+use crate::display::submit_log::{SubmitLog, Submitted};
+use crate::display::{error::DisplayError, grey::GreyMaker, params::Params, picture::Picture, screen::state::State};
 use base::{clock::Clock, time::Span};
 use crossbeam_channel::{Receiver, bounded};
 use frames::sink::crc32::{RunCrc32, pixel_crc32};
@@ -289,8 +284,8 @@ impl Start<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::display::marker::{Corner, Marker};
-    use crate::display::{error::Closing, grey::GreyTable, params::Bits, screen::panel::Turn};
+    use crate::display::picture::{Corner, Marker};
+    use crate::display::{error::Closing, grey::GreyTable, params::Bits, screen::surface::Turn};
     use base::clock::Monotonic;
     use frames::sink::{compliance::check_sink, sample::sample_frame};
 

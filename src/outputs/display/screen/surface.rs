@@ -3,9 +3,8 @@
 //! Temporary failures are not errors: a surface that is lost or has another size is configured or made again. A surface
 //! that does not come back within a second, or a lost device, ends the display.
 
-use crate::display::screen::panel::{Panel, Turn};
-use crate::display::screen::{format, painter::GreyPainter, state::State};
-use crate::display::{error::DisplayError, params::Bits, picture::Picture};
+use crate::display::screen::painter::{self, GreyPainter};
+use crate::display::{error::DisplayError, params::Bits, picture::Picture, screen::state::State};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use wgpu::{CurrentSurfaceTexture, SurfaceTexture};
 use winit::window::Window;
@@ -75,7 +74,7 @@ impl VulkanPanel {
         }))
         .map_err(|error| refuse(error.to_string()))?;
         let offered = surface.get_capabilities(&adapter);
-        let format = format::choose(&offered.format_capabilities, bits)?;
+        let format = painter::choose_format(&offered.format_capabilities, bits)?;
         let request = wgpu::DeviceDescriptor { label: Some("display"), ..wgpu::DeviceDescriptor::default() };
         let (device, queue) =
             pollster::block_on(adapter.request_device(&request)).map_err(|error| refuse(error.to_string()))?;
@@ -226,4 +225,32 @@ fn configuration(format: wgpu::TextureFormat, [width, height]: [u32; 2]) -> wgpu
         alpha_mode: wgpu::CompositeAlphaMode::Auto,
         view_formats: Vec::new(),
     }
+}
+
+// The target of the presenter: a surface, or a stand-in for one in tests.
+
+/// Result of one wait for a refresh.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Turn {
+    /// There is a free image: show something.
+    Ready,
+    /// The image is available, but the surface was configured again.
+    Reconfigured,
+    /// No image can be shown now; ask again.
+    NotNow,
+    /// The surface was lost; it has been made again, or will be.
+    Lost,
+}
+
+/// A surface of images that a monitor takes one by one.
+pub(super) trait Panel {
+    /// Waits for a free image: a second at most.
+    fn turn(&mut self) -> Turn;
+
+    /// Shows the picture in the image of the last [`Turn::Ready`] or [`Turn::Reconfigured`]. `is_changed`: the greys
+    /// are not those of the last call.
+    fn show(&mut self, picture: &Picture, is_changed: bool);
+
+    /// Returns the first unrecoverable failure.
+    fn failure(&self) -> Option<String>;
 }

@@ -1,8 +1,8 @@
 //! Who may read and write, and whom frames and messages may be sent to.
 
-use crate::network_camera::counters::Tally;
+use crate::network_camera::control::{Control, LastChange};
 use crate::network_camera::params::{DeviceParams, Params};
-use crate::network_camera::{control::Control, gvcp::Status, proof::Proof, repeats::LastChange};
+use crate::network_camera::{counters::Tally, gvcp::Status, proof::Proof};
 use base::time::Tai;
 use std::net::{Ipv4Addr, SocketAddrV4};
 use std::sync::Arc;

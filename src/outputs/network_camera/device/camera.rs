@@ -3,13 +3,11 @@
 
 use super::{PTP_ON, SOURCE_SOFTWARE, commander::Commander, commander::is_commanded, values::Values};
 use crate::network_camera::acquisition::{Acquisition, Mode};
-use crate::network_camera::feature::Feature;
 use crate::network_camera::features::{USER_SETS, at, own};
-use crate::network_camera::gvsp::StreamSettings;
 use crate::network_camera::ptp::{DISABLED, INITIALIZING, PtpData, SLAVE};
-use crate::network_camera::user_sets::UserSet;
 use crate::network_camera::{
-    first_values::ONE_IN_MOST, gvcp::Status, shared::Shared, test_pattern::TestPattern, xml::offset_step,
+    feature::Feature, gvcp::Status, gvsp::StreamSettings, registers::ONE_IN_MOST, shared::Shared,
+    test_pattern::TestPattern, user_sets::UserSet, xml::offset_step,
 };
 use base::time::Tai;
 use std::net::{Ipv4Addr, SocketAddrV4};

@@ -1,12 +1,7 @@
 //! What clients have set: the memory that they read, and what its selectors choose from.
 
-use crate::network_camera::features::own;
-use crate::network_camera::registers::Memory;
-use crate::network_camera::{
-    chunk,
-    pixel_format::PixelFormat,
-    regions::{RegionSet, stacked_px},
-};
+use crate::network_camera::regions::{RegionSet, stacked_px};
+use crate::network_camera::{chunk, features::own, pixel_format::PixelFormat, registers::Memory};
 use base::bayer::BayerPattern;
 use frames::camera_control::{CameraEventKind, Region, Regions};
 
