@@ -14,34 +14,22 @@ pub enum Colour {
     Blue,
 }
 
-/// Where the colours are.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum BayerPattern {
-    /// Red and green, then green and blue.
-    Rggb,
-    /// Green and red, then blue and green.
-    Grbg,
-    /// Green and blue, then red and green.
-    Gbrg,
-    /// Blue and green, then green and red.
-    Bggr,
+crate::words! {
+    /// Where the colours are.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub enum BayerPattern {
+        /// Red and green, then green and blue.
+        Rggb = "RGGB",
+        /// Green and red, then blue and green.
+        Grbg = "GRBG",
+        /// Green and blue, then red and green.
+        Gbrg = "GBRG",
+        /// Blue and green, then green and red.
+        Bggr = "BGGR",
+    }
 }
 
 impl BayerPattern {
-    /// Every pattern, with its name in files.
-    pub const NAMED: [(&'static str, Self); 4] =
-        [("RGGB", Self::Rggb), ("GRBG", Self::Grbg), ("GBRG", Self::Gbrg), ("BGGR", Self::Bggr)];
-
-    /// Returns its name in files.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Rggb => "RGGB",
-            Self::Grbg => "GRBG",
-            Self::Gbrg => "GBRG",
-            Self::Bggr => "BGGR",
-        }
-    }
-
     /// Returns the colour of a pixel.
     pub const fn colour_at(self, column: usize, row: usize) -> Colour {
         let [red_column, red_row] = self.red_at();

@@ -1,7 +1,7 @@
 //! Types and functions for every crate: axes and rotations, time, clocks, images, colours of pixels, counter-based
 //! random numbers, the accuracy budget, how frames are drawn, sources on the sky, standard output and standard error,
 //! files that are read as a whole, refusals, names of unfinished files, locks of files, queues to writing threads and
-//! the limit of waiting for them, text for XML, and what several crates compute: medians, zeros, least squares.
+//! the limit of waiting for them, text for XML, enums of words, and what several crates compute: medians, zeros, least squares.
 
 pub mod accuracy;
 pub mod axes;
@@ -27,5 +27,6 @@ pub mod streams;
 pub mod time;
 pub mod unfinished;
 pub mod units;
+mod words;
 pub mod writer_queue;
 pub mod xml;

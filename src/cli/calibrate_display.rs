@@ -21,7 +21,7 @@ use outputs::display::calibration::{
 };
 use outputs::display::{
     beat::BeatInput, calibration::fit::FitOptions, calibration::measurement::write_csv, calibration::report::reported,
-    dither::Dither, latency::Latency,
+    drive::Dither, latency::Latency,
 };
 use run::wiring::{camera_parts::camera_params, display_parts::SPOT_SIGMA_PX};
 use sky::astrometry::CameraGeometry;

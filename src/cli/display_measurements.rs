@@ -9,7 +9,7 @@ use base::image::{DnImage, Image};
 use base::input_file::{DATA_BYTES, InputFile};
 use base::time::Tai;
 use config::Camera;
-use frames::sink::{fits::FitsImage, fits::array::OwnedPixels};
+use frames::sink::fits::{FitsImage, image::OwnedPixels};
 use outputs::display::calibration::measurement::read_csv;
 use outputs::display::calibration::spots::{FrameScale, sights_of_frame};
 use outputs::display::calibration::{Pattern, Plan, Sight};

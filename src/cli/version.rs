@@ -11,7 +11,6 @@ pub(crate) const TARGET: &str = env!("STARLOOP_TARGET");
 pub(crate) fn features() -> Vec<&'static str> {
     let all = [
         ("data_sets", cfg!(feature = "data_sets")),
-        ("direct_scanout", cfg!(feature = "direct_scanout")),
         ("display", cfg!(feature = "display")),
         ("hats", cfg!(feature = "hats")),
         ("iceoryx2", cfg!(feature = "iceoryx2")),

@@ -1,10 +1,10 @@
 //! `[sink] kind = "display"`: a monitor in front of a tracker.
 
 use crate::key::{Given, Section, section, taken};
-use crate::key_type::{Any, Raw, Shape, Whole, Word};
+use crate::key_type::{Raw, Shape, Whole, Word};
 use crate::{check::Checker, error::Result};
 use base::time::Span;
-use outputs::display::{Bits, CardChoice, Corner, Marker, MonitorChoice, Params};
+use outputs::display::{Bits, Corner, Marker, MonitorChoice, Params};
 use serde::Deserialize;
 use std::path::PathBuf;
 
@@ -58,10 +58,6 @@ section! {
         duty: f64 = Optional, Within(0.0, 1.0);
         /// From submit to light in the middle of the display, as measured by `starloop display latency`.
         latency_ms: f64 = Optional, Within(0.0, 1000.0);
-        /// Frames go to a connector of the graphics card, past any window system.
-        direct_scanout: bool = false, Any;
-        /// The card of direct_scanout, such as "/dev/dri/card0"; left out, the first.
-        card: String = Optional, "path";
     }
 }
 
@@ -96,8 +92,7 @@ impl DisplaySettings {
         };
         let marker = marker(keys, image_px, check)?;
         let latency = keys.latency_ms().optional(check)?.map(|ms| Span::from_s(ms * 1e-3));
-        let direct_scanout = direct_scanout(keys, check)?;
-        let params = Params { monitor, window_px, bits, marker, latency, direct_scanout, refresh: None };
+        let params = Params { monitor, window_px, bits, marker, latency, refresh: None };
         let plain = Self { params, calibration: None, name: None, dither: 1, duty: None, tracker_hz: 0.0 };
         if is_calibrated {
             return plain.calibrated(keys, check);
@@ -137,20 +132,6 @@ fn monitor(given: &Given<'_, Raw<MonitorKey>>, check: &mut Checker<'_>) -> Resul
     }
 }
 
-fn direct_scanout(keys: &DisplayKeys, check: &mut Checker<'_>) -> Result<Option<CardChoice>> {
-    if !keys.direct_scanout().check(check)? {
-        keys.refuse(&["card"], "direct_scanout = true", check)?;
-        return Ok(None);
-    }
-    keys.refuse(&["window"], "a display without direct_scanout, which has no windows", check)?;
-    match keys.card().raw().map(|card| card.trim()) {
-        None => Ok(Some(CardChoice::First)),
-        Some("") => Err(keys.card().invalid("empty", "a card's file", check)),
-        Some(path) => Ok(Some(CardChoice::At(path.into()))),
-    }
-}
-
-/// Columns and rows of a window; those of the camera's images unless that is `None`.
 fn window(
     given: &Given<'_, Raw<[i64; 2]>>,
     image_px: Option<[u32; 2]>,
@@ -228,11 +209,6 @@ mod tests {
         let (calibration, name) = (Some("benches/panel.toml".into()), Some("EV27".into()));
         let wanted = DisplaySettings { params, calibration, name, dither: 4, duty: Some(0.25), tracker_hz: 5.0 };
         assert_eq!(settings, wanted);
-        let first = read("direct_scanout = true").unwrap();
-        assert_eq!(first.params.direct_scanout, Some(CardChoice::First));
-        let second = read("direct_scanout = true\ncard = \"/dev/dri/card1\"").unwrap();
-        assert_eq!(second.params.direct_scanout, Some(CardChoice::At("/dev/dri/card1".into())));
-        assert_eq!(read("direct_scanout = false").unwrap().params.direct_scanout, None);
         let named = read("monitor = \"HDMI-1\"").unwrap();
         assert_eq!(named.params.monitor, MonitorChoice::Named("HDMI-1".into()));
     }
@@ -256,9 +232,7 @@ mod tests {
             ("calibration = \"a.toml\"", "sink.name"),
             ("calibration = \"a.toml\"\nname = \" \"", "sink.name"),
             ("calibration = \"a.toml\"\nname = \"a\"\nduty = 1.01", "sink.duty"),
-            ("card = \"/dev/dri/card0\"", "direct_scanout"),
-            ("direct_scanout = true\ncard = \" \"", "sink.card"),
-            ("direct_scanout = true\nwindow = [640, 480]", "sink.window"),
+            ("direct_scanout = true", "direct_scanout"),
             ("name = \"a\"", "sink.name"),
             ("dither = 4", "sink.dither"),
             ("duty = 1.0", "sink.duty"),

@@ -27,7 +27,6 @@ pub mod plain;
 /// Pulses per second from the kernel.
 pub mod pps;
 mod readiness;
-mod receive_buffer;
 /// Serial ports and pseudo terminals.
 pub mod serial;
 /// A bus in memory, for CI and for benches without hardware.

@@ -6,8 +6,7 @@ use super::plain::{
 use super::{CHUNK_MAX, Datagram, Departure, Link, LinkCounters, LinkError, Packet, SerialChunk, Stamped};
 use base::time::{Span, Tai};
 use firmware_protocol::can::{self, CanFrame, Format, IdMap};
-use firmware_protocol::{Message, Reject, RejectCounters, serial};
-use firmware_protocol::{message::AttitudeRecord, ticks::ticks_diff};
+use firmware_protocol::{Message, Reject, RejectCounters, message::AttitudeRecord, serial, ticks::ticks_diff};
 
 /// Format of messages on the wire.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -6,7 +6,7 @@ use crate::record::{Case, FalseLimit, TruthRow, Use};
 use crate::{log::read_log, poses::MountingDrift, provenance::Paperwork};
 use anyhow::{Context, Result, bail};
 use base::input_file::{DATA_BYTES, InputFile, SETTINGS_BYTES, read_text};
-use frames::sink::frame_log::{FrameRow, path_in, read_frame_log};
+use frames::sink::frame_log::{path_in, read_frame_log};
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -135,13 +135,29 @@ fn read_truth(folder: &Path, frames_per_attitude: u32) -> Result<Vec<TruthRow>> 
     let file = InputFile::open(&path, DATA_BYTES).with_context(|| {
         format!("{}: wanted the folder of a recorded run, with frames.csv (--sink recorder)", folder.display())
     })?;
-    let rows = read_frame_log(file).with_context(|| path.display().to_string())?;
+    let rows: Vec<FrameRow> = read_frame_log(file).with_context(|| path.display().to_string())?;
     let mut truth: Vec<TruthRow> = rows.iter().map(|row| truth_of(row, frames_per_attitude.max(1))).collect();
     truth.sort_by_key(|row| row.frame);
     if truth.is_empty() {
         bail!("{}: got no frame, wanted some", path.display());
     }
     Ok(truth)
+}
+
+/// The columns of `frames.csv` that are read.
+#[derive(Deserialize)]
+struct FrameRow {
+    frame: u32,
+    mid_exposure_tai_ns: i64,
+    exposure_s: f64,
+    qw: f64,
+    qx: f64,
+    qy: f64,
+    qz: f64,
+    rate_x_deg_s: f64,
+    rate_y_deg_s: f64,
+    rate_z_deg_s: f64,
+    faults: String,
 }
 
 fn truth_of(row: &FrameRow, frames_per_attitude: u32) -> TruthRow {

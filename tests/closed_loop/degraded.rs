@@ -124,11 +124,17 @@ fn files_contain_the_degradation_of_the_frame() {
         recorder.send(&frame).unwrap();
     }
     recorder.finish().unwrap();
-    let rows = read_frame_log(File::open(path_in(&directory)).unwrap()).unwrap();
+    #[derive(serde::Deserialize)]
+    struct Row {
+        rung: String,
+        left_out_stars: usize,
+        left_out_e: f64,
+    }
+    let rows: Vec<Row> = read_frame_log(File::open(path_in(&directory)).unwrap()).unwrap();
     assert_eq!(rows.len(), frames.len());
     for (row, Kept { meta, .. }) in rows.iter().zip(&frames) {
         assert_eq!(
-            (row.degradation.as_str(), row.left_out_stars),
+            (row.rung.as_str(), row.left_out_stars),
             (meta.degradation.name(), meta.left_out_stars),
             "frames.csv"
         );

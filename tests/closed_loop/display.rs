@@ -3,7 +3,7 @@
 
 use base::units::DEG;
 use frames::sink::fits::{Pixels, read_image};
-use frames::sink::frame_log::{FrameRow, path_in, read_frame_log};
+use frames::sink::frame_log::{path_in, read_frame_log};
 use frames::sink::{TruthStar, recorder::frame_path, truth::read_truth};
 use glam::{DQuat, DVec2, DVec3};
 use outputs::display::{calibration::Calibration, luminance_code::luminance};
@@ -34,6 +34,26 @@ fn bench() -> tempfile::TempDir {
     let reported = succeeds(&["calibrate", "display", "simulate", "--out", "."], folder.path());
     assert!(reported.contains("display px"), "{reported}");
     folder
+}
+
+/// The columns of `frames.csv` that are looked at.
+#[derive(serde::Deserialize)]
+struct FrameRow {
+    frame: u32,
+    exposure_s: f64,
+    qw: f64,
+    qx: f64,
+    qy: f64,
+    qz: f64,
+    ra_deg: f64,
+    dec_deg: f64,
+    roll_deg: f64,
+    rate_x_deg_s: f64,
+    rate_y_deg_s: f64,
+    rate_z_deg_s: f64,
+    horizon_ns: i64,
+    width_px: usize,
+    height_px: usize,
 }
 
 /// A recorded run, and its frames.csv.

@@ -29,7 +29,7 @@ fn messages_about_a_missing_feature_have_the_line_that_installs_it() {
         .collect();
     assert!(found.is_empty(), "wanted \"{INSTALL}...\":\n{}", found.join("\n"));
     let named = |name: &str| sources.iter().any(|file| file.text.contains(&format!("{INSTALL}{name}")));
-    for name in ["display", "spice", "hats", "data_sets", "parquet", "iceoryx2", "direct_scanout"] {
+    for name in ["display", "spice", "hats", "data_sets", "parquet", "iceoryx2"] {
         assert!(named(name), "{name}");
     }
     assert_eq!(breaches("bail!(\"build it with --features hats\")").len(), 1, "control");
@@ -51,5 +51,4 @@ fn every_feature_has_a_row_and_full_has_them_all() {
     for name in names.iter().filter(|name| **name != "display") {
         assert!(has("full", name), "full lacks {name}");
     }
-    assert!(has("direct_scanout", "display"), "full has displays through it");
 }

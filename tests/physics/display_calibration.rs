@@ -13,8 +13,9 @@ use outputs::display::calibration::{
     Calibration, DisplayIdentity, Fitted, Grid, Plan, Sight, Tracker, TrackerIdentity, fit,
 };
 use outputs::display::calibration::{fit::FitOptions, pattern::Pattern, report::MagnitudeRange};
+use outputs::display::drive::{DisplayDrive, Dither};
 use outputs::display::luminance_code::{KNOTS, code, luminance};
-use outputs::display::{dither::Dither, drive::DisplayDrive, latency::Latency, response::Response};
+use outputs::display::{latency::Latency, response::Response};
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 use std::sync::OnceLock;
 use testbed::display_bench::{BenchTruth, DisplayBench};

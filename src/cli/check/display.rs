@@ -60,7 +60,7 @@ pub(super) fn write_display(
 
 /// Warns of a monitor that cannot be opened here, or is of another size than the frames: a run refuses it.
 fn write_size(facts: &mut Lines, display: &DisplaySettings, params: &RunParams) {
-    if display.params.window_px.is_some() || display.params.direct_scanout.is_some() {
+    if display.params.window_px.is_some() {
         return;
     }
     let frame_px = params.camera.output().size_px.map(|side| u32::try_from(side).unwrap_or(u32::MAX));

@@ -260,7 +260,7 @@ mod run_page_parts_tests {
 #[cfg(test)]
 mod run_samples_tests {
     use super::*;
-    use frames::sink::fits::{Header, array::OwnedPixels};
+    use frames::sink::fits::{Header, image::OwnedPixels};
 
     #[test]
     fn brightest_of_each_block_is_kept_also_at_the_edge() {

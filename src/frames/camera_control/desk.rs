@@ -1,6 +1,6 @@
 //! Bounded queues between the senders of camera commands and the loop that exposes its frames.
 
-use crate::camera_control::command::Commanded;
+use crate::camera_control::settings::Commanded;
 use base::time::{Span, Tai};
 use crossbeam_channel::{Receiver, Sender, TryIter, bounded};
 

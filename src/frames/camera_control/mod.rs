@@ -10,15 +10,12 @@
 //! A setting acts from the first exposure that starts at or after the instant of its command. Each frame carries the
 //! settings that it was exposed with. Times are those of the bench clock. Nothing here allocates after it was made.
 
-mod command;
 mod desk;
-mod range;
 mod settings;
 
 pub use base::region::{REGIONS_MAX, Region, Regions};
-pub use command::{CameraCommand, CommandSource, Commanded};
 pub use desk::{CameraDesk, CameraEvent, CameraEventKind, DeskEnd, desk};
-pub use range::{CameraRange, EXPOSURE_LEAST, GAIN_MAX_DB, SettingRefusal, longest_exposure_s};
 pub use settings::{
-    AutoMode, CameraSettings, ExposureMode, StartSettings, TriggerOverlap, TriggerSource, TriggerSources,
+    AutoMode, CameraCommand, CameraRange, CameraSettings, CommandSource, Commanded, EXPOSURE_LEAST, ExposureMode,
+    GAIN_MAX_DB, SettingRefusal, StartSettings, TriggerOverlap, TriggerSource, TriggerSources, longest_exposure_s,
 };

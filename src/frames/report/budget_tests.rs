@@ -2,8 +2,8 @@
 
 use super::*;
 use crate::report::frame_record::{Fate, FrameRecord, MissCause, sample_record};
+use crate::report::to_junit;
 use crate::report::verdict::{RunVerdict, RunWord};
-use crate::report::{budget_table, to_junit};
 use base::time::Span;
 
 const FRAMES: u32 = 200;

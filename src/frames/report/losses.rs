@@ -7,29 +7,19 @@ use crate::report::sink_line::SinkLine;
 use core::fmt;
 use serde::Serialize;
 
-/// The kind of thing that was lost.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum LostPart {
-    /// Frames that a sink was too slow for or failed on, or the sink itself.
-    Sink,
-    /// A file of the run, such as its summary.
-    File,
-    /// Packets or rows of a capture.
-    Capture,
-    /// A thread that ended before the run did.
-    Thread,
-}
-
-impl LostPart {
-    /// Returns the name in files.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Sink => "sink",
-            Self::File => "file",
-            Self::Capture => "capture",
-            Self::Thread => "thread",
-        }
+base::words! {
+    /// The kind of thing that was lost.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+    #[serde(rename_all = "snake_case")]
+    pub enum LostPart {
+        /// Frames that a sink was too slow for or failed on, or the sink itself.
+        Sink = "sink",
+        /// A file of the run, such as its summary.
+        File = "file",
+        /// Packets or rows of a capture.
+        Capture = "capture",
+        /// A thread that ended before the run did.
+        Thread = "thread",
     }
 }
 

@@ -4,30 +4,24 @@
 //! (`summary::RunSummary`). Output: text. Nothing here reads a clock or uses the other modules.
 //!
 //! Tour: `stages` (where the time of a frame goes) -> `histogram` (quantiles, without allocation while running)
-//! -> `account` and `verdict` (one word with its reasons), `summary`, `losses` and `machine` (JSON) -> `table` (the same for people), `progress`, `progress_numbers` and `newest_events` (while it runs). Apart from a run:
-//! `plot` (charts as SVG).
+//! -> `account` and `verdict` (one word with its reasons), `summary`, `losses` and `machine` (JSON) -> `table` (the same
+//! for people), `progress_numbers` (while it runs). Apart from a run: `plot` (charts as SVG).
 //!
 //! Frame by frame: `frame_record` (one frame's times, fate and cause) -> `frame_ring` (the last frames, counts of all)
-//! -> `budget` (verdict per line) -> `budget_table`, `junit`, `frames_csv`, `timeline`.
+//! -> `budget` (verdict per line) -> `junit`, `timeline`.
 
 pub mod account;
 pub mod budget;
-pub mod budget_table;
 pub mod frame_record;
 pub mod frame_ring;
-pub mod frames_csv;
-mod gateway_row;
 pub mod histogram;
 pub mod junit;
 pub mod losses;
 pub mod machine;
-pub mod newest_events;
-mod plain_names;
 pub mod plot;
-pub mod progress;
 pub mod progress_numbers;
-pub mod sink_line;
 pub mod stages;
+pub mod sink_line;
 pub mod summary;
 pub mod table;
 pub mod time_tally;
@@ -35,24 +29,21 @@ pub mod timeline;
 pub mod verdict;
 
 pub use account::{FrameAccount, FrameEnd, Tally};
-pub use budget::{BudgetLimits, BudgetLine, BudgetReport, HygieneLine, LineVerdict, budget_lines};
-pub use budget_table::budget_table;
-pub use frame_record::{Fate, FrameRecord, MissCause};
+pub use budget::{BudgetLimits, BudgetLine, BudgetReport, HygieneLine, LineVerdict, budget_lines, budget_table};
+pub use frame_record::{Fate, FrameRecord, MissCause, frames_csv};
 pub use frame_ring::{FrameRing, Latency};
-pub use frames_csv::frames_csv;
-pub use gateway_row::GatewayRow;
 pub use histogram::{CountHistogram, CountSpread, Quantiles, StageHistogram};
 pub use junit::to_junit;
 pub use losses::{LossLine, Losses, LostPart};
 pub use machine::Machine;
-pub use newest_events::{NEWEST_MAX, NewestEvent, NewestEvents};
 pub use plot::{Chart, pareto_front, to_svg};
-pub use progress::{Progress, progress_line, step_line};
-pub use progress_numbers::{EVENTS_MAX, NAMES_MAX, NamedCounts, PortCounts, RunNumbers};
+pub use progress_numbers::{
+    EVENTS_MAX, NAMES_MAX, NamedCounts, PortCounts, Progress, RunNumbers, progress_line, step_line,
+};
 pub use sink_line::SinkLine;
 pub use stages::{Stage, StageHistograms, StageTimes};
-pub use summary::{EventLine, FrameCounts, LinkCounts, RunSummary};
-pub use table::{short_table, summary_table};
+pub use summary::{EventLine, FrameCounts, GatewayRow, LinkCounts, RunSummary};
+pub use table::{NEWEST_MAX, NewestEvent, NewestEvents, short_table, summary_table};
 pub use time_tally::TimeTally;
 pub use timeline::timeline_svg;
 pub use verdict::{Reason, RunLimits, RunVerdict, RunWord};

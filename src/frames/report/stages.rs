@@ -4,65 +4,47 @@ use crate::report::histogram::{Quantiles, StageHistogram};
 use crate::report::time_tally::TimeTally;
 use base::time::Span;
 
-macro_rules! stages {
-    ($($(#[$doc:meta])* $stage:ident = $name:literal,)*) => {
-        /// A stage of one frame.
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-        pub enum Stage {
-            $($(#[$doc])* $stage,)*
-        }
-
-        impl Stage {
-            /// Every stage in order.
-            pub const ALL: [Self; [$($name),*].len()] = [$(Self::$stage),*];
-
-            /// Returns the name in tables and files.
-            pub const fn name(self) -> &'static str {
-                match self {
-                    $(Self::$stage => $name,)*
-                }
-            }
-        }
-    };
-}
-
-stages! {
-    /// Waiting for the frame's slot.
-    Wait = "wait",
-    /// Release of the slot to the moment the frame thread ran: the system's delay, or the frames before.
-    Wake = "wake",
-    /// Reading the messages of the bus, and waiting for jitter samples that are under way.
-    Receive = "receive",
-    /// No work: epoch of the newest attitude to the release.
-    BusAge = "bus_age",
-    /// No work: arrival of the newest attitude to the release.
-    ArrivalAge = "arrival_age",
-    /// No work: how unsteady the time correlation is (largest less smallest delay in its window).
-    Correlation = "correlation",
-    /// No work: trigger to the start of its exposure.
-    Trigger = "trigger",
-    /// Attitude history to line-of-sight path.
-    Attitude = "attitude",
-    /// Catalog and ephemerides to sources in view.
-    Sky = "sky",
-    /// Sources and path to an exposure plan.
-    Plan = "plan",
-    /// Plan to a device: buffers written, work recorded and submitted. Absent where memory is shared.
-    Upload = "upload",
-    /// Plan to electrons. On a device: waiting for drawing and detector together, which it does in one go.
-    Render = "render",
-    /// Electrons to DN. Absent on a device (see `render`).
-    Detector = "detector",
-    /// DN from the device to memory. Absent where memory is shared.
-    Readback = "readback",
-    /// Finished image to the sink's queue: the action of the policy, and the copy that may be sent again.
-    Handover = "handover",
-    /// Waiting for the sink thread.
-    Queue = "queue",
-    /// Sending.
-    Sink = "sink",
-    /// Release of the frame's slot to delivery: everything but the wait.
-    ReleaseToDelivered = "release_to_delivered",
+base::words! {
+    /// A stage of one frame.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+    pub enum Stage {
+        /// Waiting for the frame's slot.
+        Wait = "wait",
+        /// Release of the slot to the moment the frame thread ran: the system's delay, or the frames before.
+        Wake = "wake",
+        /// Reading the messages of the bus, and waiting for jitter samples that are under way.
+        Receive = "receive",
+        /// No work: epoch of the newest attitude to the release.
+        BusAge = "bus_age",
+        /// No work: arrival of the newest attitude to the release.
+        ArrivalAge = "arrival_age",
+        /// No work: how unsteady the time correlation is (largest less smallest delay in its window).
+        Correlation = "correlation",
+        /// No work: trigger to the start of its exposure.
+        Trigger = "trigger",
+        /// Attitude history to line-of-sight path.
+        Attitude = "attitude",
+        /// Catalog and ephemerides to sources in view.
+        Sky = "sky",
+        /// Sources and path to an exposure plan.
+        Plan = "plan",
+        /// Plan to a device: buffers written, work recorded and submitted. Absent where memory is shared.
+        Upload = "upload",
+        /// Plan to electrons. On a device: waiting for drawing and detector together, which it does in one go.
+        Render = "render",
+        /// Electrons to DN. Absent on a device (see `render`).
+        Detector = "detector",
+        /// DN from the device to memory. Absent where memory is shared.
+        Readback = "readback",
+        /// Finished image to the sink's queue: the action of the policy, and the copy that may be sent again.
+        Handover = "handover",
+        /// Waiting for the sink thread.
+        Queue = "queue",
+        /// Sending.
+        Sink = "sink",
+        /// Release of the frame's slot to delivery: everything but the wait.
+        ReleaseToDelivered = "release_to_delivered",
+    }
 }
 
 impl Stage {

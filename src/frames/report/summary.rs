@@ -6,8 +6,8 @@
 use crate::report::histogram::{CountSpread, Quantiles};
 use crate::report::verdict::{RunVerdict, RunWord};
 use crate::report::{
-    ReportError, account::FrameAccount, frame_ring::Latency, gateway_row::GatewayRow, losses::Losses, machine::Machine,
-    sink_line::SinkLine, stages::Stage,
+    ReportError, account::FrameAccount, frame_ring::Latency, losses::Losses, machine::Machine, sink_line::SinkLine,
+    stages::Stage,
 };
 use serde::{Serialize, Serializer};
 use std::collections::BTreeMap;
@@ -245,7 +245,7 @@ pub(crate) fn sample_summary() -> RunSummary {
     summary.run_crc32 = "0badcafe".into();
     summary.sinks = vec![sample_row()];
     summary.losses = Losses::of_sinks(&summary.sinks);
-    summary.gateways = vec![crate::report::gateway_row::sample_gateway_row()];
+    summary.gateways = vec![sample_gateway_row()];
     summary
 }
 
@@ -266,6 +266,91 @@ fn sample_row() -> SinkLine {
         longest_delay: base::time::Span::from_ms(310),
         counts: vec![("resent", 4)],
     }
+}
+
+// Frames that the gateways of a run forwarded, lost and refused: rows of the run summary, and their lines in its
+// table.
+
+/// Counts of one gateway.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct GatewayRow {
+    /// Its kind.
+    pub gateway: String,
+    /// Address at which it listened.
+    pub address: String,
+    /// Clients served.
+    pub clients: u64,
+    /// Clients turned away because all seats were taken.
+    pub refused: u64,
+    /// Clients dropped because they did not read.
+    pub stalled: u64,
+    /// Frames from clients.
+    pub from_clients: u64,
+    /// Frames to clients.
+    pub to_clients: u64,
+    /// Frames of the bus that a client read too slowly for.
+    pub dropped: u64,
+    /// FD frames that the protocol cannot carry.
+    pub withheld: u64,
+    /// Lines and connections refused, by reason.
+    pub rejects: BTreeMap<String, u64>,
+}
+
+/// The columns of the table beside the name.
+pub(super) const HEADINGS: [&str; 6] = ["clients", "refused", "stalled", "from them", "to them", "dropped"];
+
+impl GatewayRow {
+    /// Returns the cells under [`HEADINGS`].
+    pub(super) fn cells(&self) -> [String; 6] {
+        [self.clients, self.refused, self.stalled, self.from_clients, self.to_clients, self.dropped]
+            .map(|count| count.to_string())
+    }
+
+    /// Returns the lines below its row: where it listened, and a line for each reason.
+    pub(super) fn lines(&self) -> Vec<String> {
+        let mut lines = vec![format!("  at {}", self.address)];
+        if self.withheld > 0 {
+            lines.push(format!("  {} FD frames withheld", self.withheld));
+        }
+        let rejects = plain_names(&self.rejects);
+        lines.extend(rejects.iter().map(|(reason, count)| format!("  refused {count} times: {reason}")));
+        lines
+    }
+}
+
+/// Returns a gateway with something in every field.
+#[cfg(test)]
+pub(super) fn sample_gateway_row() -> GatewayRow {
+    GatewayRow {
+        gateway: "socketcand".into(),
+        address: "127.0.0.1:29536".into(),
+        clients: 2,
+        refused: 51,
+        stalled: 1,
+        from_clients: 1234,
+        to_clients: 5678,
+        dropped: 9,
+        withheld: 12,
+        rejects: BTreeMap::from([("http_request".into(), 3)]),
+    }
+}
+
+// Names of counts in plain words, for tables that people read; files have the names as programs know them.
+
+/// Returns counts with their names in words: "BadFraming" and "bad_framing" are "bad framing".
+pub(super) fn plain_names(counts: &BTreeMap<String, u64>) -> BTreeMap<String, u64> {
+    counts.iter().map(|(name, count)| (words_of(name), *count)).collect()
+}
+
+fn words_of(name: &str) -> String {
+    let mut words = String::new();
+    for c in name.chars() {
+        if c.is_uppercase() && !words.is_empty() {
+            words.push(' ');
+        }
+        words.extend(if c == '_' { ' ' } else { c }.to_lowercase());
+    }
+    words
 }
 
 #[cfg(test)]

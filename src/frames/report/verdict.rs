@@ -16,31 +16,20 @@ use base::time::Tai;
 use core::fmt;
 use serde::{Serialize, Serializer};
 
-/// First word of a run's verdict; a later one is worse.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum RunWord {
-    /// Nothing is missing, late, blank, contradictory or lost.
-    Ok,
-    /// Frames went out after their deadline.
-    Late,
-    /// Something is missing or contradicts itself.
-    Incomplete,
-    /// Data was lost after it was made.
-    Lost,
-    /// Not what was expected, or ended by an error.
-    Failed,
-}
-
-impl RunWord {
-    /// Returns the word.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Ok => "ok",
-            Self::Late => "LATE",
-            Self::Incomplete => "INCOMPLETE",
-            Self::Lost => "LOST",
-            Self::Failed => "FAILED",
-        }
+base::words! {
+    /// First word of a run's verdict; a later one is worse.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+    pub enum RunWord {
+        /// Nothing is missing, late, blank, contradictory or lost.
+        Ok = "ok",
+        /// Frames went out after their deadline.
+        Late = "LATE",
+        /// Something is missing or contradicts itself.
+        Incomplete = "INCOMPLETE",
+        /// Data was lost after it was made.
+        Lost = "LOST",
+        /// Not what was expected, or ended by an error.
+        Failed = "FAILED",
     }
 }
 

@@ -3,9 +3,8 @@
 //! Input: frames. Output: the same frames in the sink. It adds what [`crate::sink::Fan`] keeps for several sinks: the
 //! place in the bench and the first failure in words, so that a refused frame has a reason in the summary.
 
-use crate::report::SinkLine;
-use crate::sink::line::Loss;
 use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
+use crate::{report::SinkLine, sink::line::Loss};
 
 /// A sink and its counts.
 pub struct Alone {

@@ -15,8 +15,7 @@
 
 use crate::report::SinkLine;
 use crate::sink::branch::{Branch, BranchParams, wait_for};
-use crate::sink::line::Loss;
-use crate::sink::tally::Tally;
+use crate::sink::line::{Loss, Tally};
 use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
 
 /// Action for a frame when a sink has no free buffer.

@@ -1,7 +1,7 @@
 //! One frame on its way out: pixels, the stars that are truly in it, and how it came about.
 
-use crate::camera_control::Regions;
-use crate::sink::{active_fault::ActiveFaults, faults::FaultFlags, target_table::TargetRow, wcs::Wcs};
+use crate::sink::frame_fault::{ActiveFaults, FaultFlags};
+use crate::{camera_control::Regions, sink::target_table::TargetRow, sink::wcs::Wcs};
 use base::drawn::{Degradation, FrameMethod, PathOrigin};
 use base::time::{Span, Tai};
 use base::{bayer::BayerPattern, image::DnImage, source_id::SourceId};
@@ -56,49 +56,25 @@ impl SentFrame {
     }
 }
 
-/// Kind of a row of the truth table.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum TruthKind {
-    /// A star of the catalog.
-    #[default]
-    Star,
-    /// A scripted target.
-    Target,
-    /// A star that is in no catalog, by a commanded fault.
-    FalseStar,
-    /// A planet.
-    Planet,
-    /// The Moon.
-    Moon,
-    /// The Earth.
-    Earth,
-    /// The track of a proton through the detector, by a commanded fault.
-    ProtonTrack,
-}
-
-impl TruthKind {
-    /// Every kind, with its word in files.
-    pub const NAMED: [(Self, &'static str); 7] = [
-        (Self::Star, "star"),
-        (Self::Target, "target"),
-        (Self::FalseStar, "false_star"),
-        (Self::Planet, "planet"),
-        (Self::Moon, "moon"),
-        (Self::Earth, "earth"),
-        (Self::ProtonTrack, "proton_track"),
-    ];
-
-    /// Returns its word in files.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Star => "star",
-            Self::Target => "target",
-            Self::FalseStar => "false_star",
-            Self::Planet => "planet",
-            Self::Moon => "moon",
-            Self::Earth => "earth",
-            Self::ProtonTrack => "proton_track",
-        }
+base::words! {
+    /// Kind of a row of the truth table.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+    pub enum TruthKind {
+        /// A star of the catalog.
+        #[default]
+        Star = "star",
+        /// A scripted target.
+        Target = "target",
+        /// A star that is in no catalog, by a commanded fault.
+        FalseStar = "false_star",
+        /// A planet.
+        Planet = "planet",
+        /// The Moon.
+        Moon = "moon",
+        /// The Earth.
+        Earth = "earth",
+        /// The track of a proton through the detector, by a commanded fault.
+        ProtonTrack = "proton_track",
     }
 }
 

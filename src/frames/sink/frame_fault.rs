@@ -2,11 +2,21 @@
 //!
 //! The word, the flag, the amount and the pixels of a fault are here; `run::runtime` does it, files name it.
 
-use crate::sink::active_fault::Amount;
 use crate::sink::fault_pixels::{DefectSpots, FaultPixels};
-use crate::sink::faults::{FaultFlags, flags};
 use base::time::Span;
 use core::fmt;
+use core::ops::{BitOr, BitOrAssign};
+/// Makes the constants and the names of a list of flags.
+macro_rules! flags {
+    ($($(#[$doc:meta])* $constant:ident = $bit:literal, $name:literal;)*) => {
+        impl FaultFlags {
+            $($(#[$doc])* pub const $constant: Self = Self::from_bits(1 << $bit);)*
+
+            /// Every fault there is, with its name in files, by bit.
+            pub const NAMED: &'static [(Self, &'static str)] = &[$((Self::$constant, $name)),*];
+        }
+    };
+}
 
 /// The unit of faults that take a whole frame: there is no more or less of them.
 const WHOLE: &str = "frame";
@@ -318,6 +328,157 @@ impl fmt::Display for FrameFault {
     }
 }
 
+// Which commanded faults were active in a frame: a small set in one word; the list of the flags is in `frame_fault`.
+
+/// Set of faults.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub struct FaultFlags(u32);
+
+impl FaultFlags {
+    /// No fault.
+    pub const NONE: Self = Self(0);
+
+    /// Returns the set as a word, for files and the wire.
+    pub const fn bits(self) -> u32 {
+        self.0
+    }
+
+    /// Returns the set from a word; bits without a name are kept.
+    pub const fn from_bits(bits: u32) -> Self {
+        Self(bits)
+    }
+
+    /// Returns whether no fault is in the set.
+    pub const fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
+    /// Returns whether every fault of `other` is in the set.
+    pub const fn contains(self, other: Self) -> bool {
+        self.0 & other.0 == other.0
+    }
+
+    /// Returns the names in the set, by bit.
+    pub fn names(self) -> impl Iterator<Item = &'static str> {
+        Self::NAMED.iter().filter(move |(fault, _)| self.contains(*fault)).map(|&(_, name)| name)
+    }
+}
+
+impl BitOr for FaultFlags {
+    type Output = Self;
+    fn bitor(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+}
+
+impl BitOrAssign for FaultFlags {
+    fn bitor_assign(&mut self, other: Self) {
+        self.0 |= other.0;
+    }
+}
+
+impl fmt::Display for FaultFlags {
+    /// Writes `none`, or the names joined by `+`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.is_empty() {
+            return f.write_str("none");
+        }
+        for (i, name) in self.names().enumerate() {
+            write!(f, "{}{name}", if i == 0 { "" } else { "+" })?;
+        }
+        Ok(())
+    }
+}
+
+// Which commanded faults a frame was made under, with their numbers: part of its truth.
+//
+// A list of fixed length, so that frames travel without allocation; faults that do not fit are counted.
+
+/// Faults of one frame that are named; more are counted.
+pub const NAMED_FAULTS: usize = 12;
+
+/// A number with its unit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Amount {
+    /// The number.
+    pub value: f64,
+    /// Its unit.
+    pub unit: &'static str,
+}
+
+/// A fault as it acts on one frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ActiveFault {
+    /// Its word in files.
+    pub name: &'static str,
+    /// Its number in the run's list of faults, from 1.
+    pub number: u16,
+    /// Size of the fault.
+    pub amount: Amount,
+}
+
+impl ActiveFault {
+    const NONE: Self = Self { name: "", number: 0, amount: Amount { value: 0.0, unit: "" } };
+}
+
+impl fmt::Display for ActiveFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}#{}={} {}", self.name, self.number, self.amount.value, self.amount.unit)
+    }
+}
+
+/// The faults of one frame, in the order of their numbers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ActiveFaults {
+    list: [ActiveFault; NAMED_FAULTS],
+    count: usize,
+}
+
+impl ActiveFaults {
+    /// No fault.
+    pub const NONE: Self = Self { list: [ActiveFault::NONE; NAMED_FAULTS], count: 0 };
+
+    /// Adds one.
+    pub fn push(&mut self, fault: ActiveFault) {
+        if let Some(place) = self.list.get_mut(self.count) {
+            *place = fault;
+        }
+        self.count += 1;
+    }
+
+    /// Returns the faults that are named.
+    pub fn named(&self) -> &[ActiveFault] {
+        &self.list[..self.count.min(NAMED_FAULTS)]
+    }
+
+    /// Returns how many there are, named or not.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+}
+
+impl Default for ActiveFaults {
+    fn default() -> Self {
+        Self::NONE
+    }
+}
+
+impl fmt::Display for ActiveFaults {
+    /// Writes `none`, or faults joined by `; `, and how many more.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.count == 0 {
+            return f.write_str("none");
+        }
+        for (i, fault) in self.named().iter().enumerate() {
+            write!(f, "{}{fault}", if i == 0 { "" } else { "; " })?;
+        }
+        match self.count.checked_sub(NAMED_FAULTS).filter(|more| *more > 0) {
+            Some(more) => write!(f, "; {more} more"),
+            None => Ok(()),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -350,5 +511,47 @@ mod tests {
         let stars = FrameFault::Image(ImageFault::FalseStars { pixels, mag: 4.5 });
         assert_eq!(of(stars), Some((PixelsOf::Detector, "px = [3, 4]".to_owned())));
         assert_eq!(of(FrameFault::Image(ImageFault::Blank)), None);
+    }
+}
+
+#[cfg(test)]
+mod faults_tests {
+    use super::*;
+
+    #[test]
+    fn bits_and_names_are_unique_and_found_again() {
+        let mut all = FaultFlags::NONE;
+        for &(fault, name) in FaultFlags::NAMED {
+            assert!(!all.contains(fault), "{name} shares a bit");
+            assert_eq!(fault.names().collect::<Vec<_>>(), [name]);
+            all |= fault;
+        }
+        assert_eq!(all.names().count(), FaultFlags::NAMED.len());
+    }
+
+    #[test]
+    fn text_names_what_is_active() {
+        assert_eq!(FaultFlags::NONE.to_string(), "none");
+        assert_eq!((FaultFlags::HOT_PIXELS | FaultFlags::LINK_DROP).to_string(), "link_drop+hot_pixels");
+    }
+}
+
+#[cfg(test)]
+mod active_fault_tests {
+    use super::*;
+
+    #[test]
+    fn faults_are_named_with_their_numbers_and_none_is_lost() {
+        let mut active = ActiveFaults::NONE;
+        assert_eq!((active.to_string().as_str(), active.count()), ("none", 0));
+        let fault = |number| ActiveFault { name: "stray_light", number, amount: Amount { value: 2.5e4, unit: "e-/s" } };
+        active.push(fault(1));
+        active.push(fault(7));
+        assert_eq!(active.to_string(), "stray_light#1=25000 e-/s; stray_light#7=25000 e-/s");
+        for number in 8..30 {
+            active.push(fault(number));
+        }
+        assert_eq!((active.named().len(), active.count()), (NAMED_FAULTS, 24));
+        assert!(active.to_string().ends_with("; 12 more"), "{active}");
     }
 }

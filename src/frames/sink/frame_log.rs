@@ -5,97 +5,10 @@
 
 use crate::sink::SinkError;
 use crate::sink::facts::{Column, FactSource, Scalar, TABLE};
-use serde::{Deserialize, Serialize, Serializer};
+use serde::{Serialize, Serializer, de::DeserializeOwned};
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
-
-/// One line of `frames.csv` as it is read back: the columns that readers of this project want, others are left. Units
-/// and meaning as in [`crate::sink::FrameMeta`].
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-pub struct FrameRow {
-    /// Frame number in the run.
-    pub frame: u32,
-    /// Mid-exposure, UTC, RFC 3339.
-    pub mid_exposure_utc: String,
-    /// Mid-exposure, TAI since 1970-01-01T00:00:00 TAI, ns.
-    pub mid_exposure_tai_ns: i64,
-    /// Integration time, s.
-    pub exposure_s: f64,
-    /// Attitude `sensor_from_icrf` at mid-exposure, scalar part.
-    pub qw: f64,
-    /// Its x part.
-    pub qx: f64,
-    /// Its y part.
-    pub qy: f64,
-    /// Its z part.
-    pub qz: f64,
-    /// Boresight right ascension, deg.
-    pub ra_deg: f64,
-    /// Boresight declination, deg.
-    pub dec_deg: f64,
-    /// Image up, east of north, deg.
-    pub roll_deg: f64,
-    /// Angular rate about sensor x, deg/s.
-    pub rate_x_deg_s: f64,
-    /// Angular rate about sensor y, deg/s.
-    pub rate_y_deg_s: f64,
-    /// Angular rate about the boresight, deg/s.
-    pub rate_z_deg_s: f64,
-    /// Seed of the sensor and of faults.
-    pub seed: u64,
-    /// Seed of the exposure's noise.
-    pub noise_seed: u64,
-    /// Completion minus deadline, ns.
-    pub lateness_ns: i64,
-    /// Age of the newest attitude when planned, ns.
-    pub attitude_age_ns: i64,
-    /// Newest attitude to mid-exposure, ns.
-    pub horizon_ns: i64,
-    /// Newest attitude to the end of the exposure, ns.
-    pub end_horizon_ns: i64,
-    /// Two or more attitudes were missing at an end of the exposure, whose middle was interpolated.
-    pub partly_extrapolated: bool,
-    /// Largest motion in the exposure beyond rate and acceleration, arcsec.
-    pub residual_arcsec: f64,
-    /// Part of the exposure that lacks jitter samples, ns.
-    pub jitter_missing_ns: i64,
-    /// Render backend.
-    pub backend: String,
-    /// Smear method.
-    pub method: String,
-    /// Degree to which the frame was degraded; `full`: not at all.
-    #[serde(rename = "rung")] // the published name of the column
-    pub degradation: String,
-    /// Stars left out.
-    pub left_out_stars: usize,
-    /// Their electrons together.
-    pub left_out_e: f64,
-    /// Stars behind the Earth or the Moon.
-    pub occulted_stars: usize,
-    /// Electrons lost where targets cover stars (`target_overlap = "brighter"`).
-    pub overlap_lost_e: f64,
-    /// Source of the attitude.
-    pub origin: String,
-    /// Active faults: `none`, or names joined by `+`.
-    pub faults: String,
-    /// Faults of frames and imaging with their numbers: `none`, or `word#number=amount unit` joined by `; `.
-    pub active_faults: String,
-    /// Camera name.
-    pub camera: String,
-    /// Detector gain, e-/DN.
-    pub gain_e_per_dn: f64,
-    /// Black level, DN.
-    pub black_level_dn: f64,
-    /// Columns.
-    pub width_px: usize,
-    /// Rows.
-    pub height_px: usize,
-    /// Stars in the truth table.
-    pub stars: usize,
-    /// CRC-32 of the pixels, eight hexadecimal digits.
-    pub pixel_crc32: String,
-}
 
 /// The file under way.
 #[derive(Debug)]
@@ -195,11 +108,12 @@ fn cut_back(file: &mut File, length: u64) -> io::Result<()> {
     io::Seek::seek(file, io::SeekFrom::Start(length)).map(drop)
 }
 
-/// Reads a `frames.csv` back.
+/// Reads a `frames.csv` back: of each line the columns that a field of `Row` is named after. Units and meaning are those
+/// of the table of facts.
 ///
 /// # Errors
 /// [`SinkError::BadTable`] with the line that is not as written by [`FrameLog`].
-pub fn read_frame_log(input: impl Read) -> Result<Vec<FrameRow>, SinkError> {
+pub fn read_frame_log<Row: DeserializeOwned>(input: impl Read) -> Result<Vec<Row>, SinkError> {
     let bad = |e: csv::Error| SinkError::BadTable {
         table: "frames.csv",
         line: e.position().map_or(0, csv::Position::line),
@@ -215,12 +129,59 @@ pub fn path_in(directory: &Path) -> PathBuf {
 }
 
 #[cfg(test)]
-mod tests {
+pub(in crate::sink) mod tests {
     use super::*;
     use crate::sink::{SentFrame, sample::sample_frame};
+    use serde::Deserialize;
+
+    /// One line of `frames.csv`, spelled without the table on purpose.
+    #[derive(Debug, Clone, PartialEq, Deserialize)]
+    pub(in crate::sink) struct FrameRow {
+        pub(in crate::sink) frame: u32,
+        pub(in crate::sink) mid_exposure_utc: String,
+        pub(in crate::sink) mid_exposure_tai_ns: i64,
+        pub(in crate::sink) exposure_s: f64,
+        pub(in crate::sink) qw: f64,
+        pub(in crate::sink) qx: f64,
+        pub(in crate::sink) qy: f64,
+        pub(in crate::sink) qz: f64,
+        pub(in crate::sink) ra_deg: f64,
+        pub(in crate::sink) dec_deg: f64,
+        pub(in crate::sink) roll_deg: f64,
+        pub(in crate::sink) rate_x_deg_s: f64,
+        pub(in crate::sink) rate_y_deg_s: f64,
+        pub(in crate::sink) rate_z_deg_s: f64,
+        pub(in crate::sink) seed: u64,
+        pub(in crate::sink) noise_seed: u64,
+        pub(in crate::sink) lateness_ns: i64,
+        pub(in crate::sink) attitude_age_ns: i64,
+        pub(in crate::sink) horizon_ns: i64,
+        pub(in crate::sink) end_horizon_ns: i64,
+        pub(in crate::sink) partly_extrapolated: bool,
+        pub(in crate::sink) residual_arcsec: f64,
+        pub(in crate::sink) jitter_missing_ns: i64,
+        pub(in crate::sink) backend: String,
+        pub(in crate::sink) method: String,
+        #[serde(rename = "rung")] // the published name of the column
+        pub(in crate::sink) degradation: String,
+        pub(in crate::sink) left_out_stars: usize,
+        pub(in crate::sink) left_out_e: f64,
+        pub(in crate::sink) occulted_stars: usize,
+        pub(in crate::sink) overlap_lost_e: f64,
+        pub(in crate::sink) origin: String,
+        pub(in crate::sink) faults: String,
+        pub(in crate::sink) active_faults: String,
+        pub(in crate::sink) camera: String,
+        pub(in crate::sink) gain_e_per_dn: f64,
+        pub(in crate::sink) black_level_dn: f64,
+        pub(in crate::sink) width_px: usize,
+        pub(in crate::sink) height_px: usize,
+        pub(in crate::sink) stars: usize,
+        pub(in crate::sink) pixel_crc32: String,
+    }
 
     impl FrameRow {
-        /// The line of a frame, spelled without the table on purpose.
+        /// The line of a frame.
         pub(in crate::sink) fn new(frame: &SentFrame, pixel_crc32: u32) -> Self {
             let meta = &frame.meta;
             let [qw, qx, qy, qz] = meta.attitude_wxyz;
@@ -278,7 +239,7 @@ mod tests {
         let rows: Vec<FrameRow> = (0..3).map(|n| FrameRow::new(&sample_frame(n), n)).collect();
         for (i, n) in (0..3).enumerate() {
             log.append(&FactSource::of_frame(&sample_frame(n), Some(n))).unwrap();
-            assert_eq!(read_frame_log(File::open(&path).unwrap()).unwrap(), rows[..=i], "as it goes");
+            assert_eq!(read_frame_log::<FrameRow>(File::open(&path).unwrap()).unwrap(), rows[..=i], "as it goes");
         }
         assert_ne!(rows[0], rows[1], "the comparison can fail");
         log.finish().unwrap();
@@ -295,12 +256,12 @@ mod tests {
         cut_back(&mut log.file, log.whole_bytes).unwrap();
         assert_eq!(std::fs::read(&path).unwrap(), before);
         log.append(&FactSource::of_frame(&sample_frame(2), Some(2))).unwrap();
-        assert_eq!(read_frame_log(File::open(&path).unwrap()).unwrap().len(), 2);
+        assert_eq!(read_frame_log::<FrameRow>(File::open(&path).unwrap()).unwrap().len(), 2);
     }
 
     #[test]
     fn a_damaged_line_is_named() {
-        let error = read_frame_log("frame,seed\n1,x\n".as_bytes()).unwrap_err().to_string();
+        let error = read_frame_log::<FrameRow>("frame,seed\n1,x\n".as_bytes()).unwrap_err().to_string();
         assert!(error.contains("line 2"), "{error}");
     }
 }

@@ -11,8 +11,8 @@
 //! file system. What a killed run has left is cleaned up by the next program that uses iceoryx2. Signals stay with the
 //! run. Tests: below, and `hil_scripts/test_recorders.py` with iceoryx2's own Python package in another process.
 
+use crate::sink::line::Tally;
 use crate::sink::shared_memory::{SlotHead, slot_head};
-use crate::sink::tally::Tally;
 use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::prelude::{BackpressureStrategy, NodeBuilder, SignalHandlingMode, ipc_threadsafe};

@@ -2,7 +2,7 @@
 //!
 //! Input: `SentFrame`, one finished exposure with its truth and its bookkeeping, owned by the sink thread while it
 //! is being sent and then handed back for reuse. Output: files (`recorder::Recorder`) or nothing but a count and a
-//! checksum (`null::NullSink`).
+//! checksum (`tee::NullSink`).
 //!
 //! Promises, checked by the compliance suite that runs against every sink:
 //! * a frame that `send` accepted is counted once, one it refused is not;
@@ -11,10 +11,9 @@
 //!   complete before stays complete: every file gets its final name only when all of its bytes are written.
 //!
 //! Tour: `frame` (what is sent) -> `facts` (by which names outputs have it) -> `fits`, `png`, `ser`, `truth`,
-//! `frame_log` (its forms on disk) -> `atomic` (how a file appears) -> `recorder`, `shared_memory`, `iceoryx`, `null`,
+//! `frame_log` (its forms on disk) -> `atomic` (how a file appears) -> `recorder`, `shared_memory`, `iceoryx`,
 //! `tap`, `tee` (the sinks) -> `alone`, `branch`, `fan` (one or several) -> `line` (what each of them did).
 
-pub mod active_fault;
 mod alone;
 pub mod atomic;
 mod branch;
@@ -26,7 +25,6 @@ pub mod fan;
 #[cfg(test)]
 mod fan_tests;
 pub mod fault_pixels;
-pub mod faults;
 pub mod fits;
 pub mod frame;
 pub mod frame_fault;
@@ -34,14 +32,11 @@ pub mod frame_log;
 #[cfg(feature = "iceoryx2")]
 pub mod iceoryx;
 pub mod line;
-pub mod null;
 pub mod png;
 pub mod recorder;
 pub mod sample;
 pub mod ser;
 pub mod shared_memory;
-pub mod stretch;
-mod tally;
 pub mod tap;
 pub mod target_table;
 pub mod tee;
@@ -49,22 +44,21 @@ pub mod truth;
 pub mod wcs;
 
 pub use crate::report::SinkLine;
-pub use active_fault::{ActiveFault, ActiveFaults, Amount};
 pub use alone::Alone;
 pub use atomic::{replace_own_file, write_file_atomically, write_new_file};
 pub use branch::BranchParams;
 pub use error::SinkError;
 pub use fan::{Fan, OnFull};
 pub use fault_pixels::{DefectSpots, FaultPixels};
-pub use faults::FaultFlags;
 pub use frame::{CameraFacts, FrameMeta, SentFrame, TruthKind, TruthStar};
-pub use frame_fault::{CameraFault, FrameFault, ImageFault, PixelFault, PixelsOf, ProtonStorm, SendingFault};
+pub use frame_fault::{
+    ActiveFault, ActiveFaults, Amount, CameraFault, FaultFlags, FrameFault, ImageFault, PixelFault, PixelsOf, ProtonStorm, SendingFault,
+};
 pub use line::{Loss, LossKind, sink_lines};
-pub use null::NullSink;
 pub use recorder::{Recorder, RecorderOptions};
 pub use tap::{Tap, TapEnd, tap};
 pub use target_table::TargetRow;
-pub use tee::Tee;
+pub use tee::{NullSink, Tee};
 pub use wcs::{MOST_SIP_ORDER, QUADRATIC, Sip, SipTerm, Wcs};
 
 use std::path::PathBuf;

@@ -197,7 +197,7 @@ impl Sink for Recorder {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sink::frame_log::{FrameRow, read_frame_log};
+    use crate::sink::frame_log::{read_frame_log, tests::FrameRow};
     use crate::sink::{sample::sample_frame, truth::read_truth};
 
     const EVERYTHING: RecorderOptions = RecorderOptions { fits: true, truth: true, png_every: 2, ser: true };

@@ -1,8 +1,7 @@
 //! Frames for tests of sinks, and the texts that outputs of them are compared with.
 
-use crate::sink::active_fault::{ActiveFault, ActiveFaults, Amount};
-use crate::sink::faults::FaultFlags;
 use crate::sink::frame::{CameraFacts, SentFrame, TruthStar};
+use crate::sink::frame_fault::{ActiveFault, ActiveFaults, Amount, FaultFlags};
 use crate::sink::wcs::{Sip, SipTerm, Wcs};
 use base::bayer::BayerPattern;
 use base::drawn::{Degradation, FrameMethod, MethodName, PathOrigin};

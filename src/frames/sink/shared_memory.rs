@@ -31,8 +31,7 @@
 //! process.
 
 use crate::sink::facts::{FactSource, Place, Scalar, Stored, TABLE};
-use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
-use crate::sink::{atomic::temporary_beside, crc32::pixel_crc32, tally::Tally};
+use crate::sink::{SentFrame, Sink, SinkError, SinkSummary, atomic::temporary_beside, crc32::pixel_crc32, line::Tally};
 use base::file_lock;
 use bytemuck::{Pod, Zeroable};
 use core::mem::offset_of;

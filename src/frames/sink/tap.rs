@@ -4,7 +4,7 @@
 //! truth, through a bounded queue whose buffers go round. When the other end is too slow the new frame is lost and
 //! counted, and the sender never waits.
 
-use crate::sink::tally::Tally;
+use crate::sink::line::Tally;
 use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
 use base::{image::DnImage, region::Regions};
 use crossbeam_channel::{Receiver, Sender, bounded};

@@ -1,5 +1,6 @@
 //! Two sinks at once: the first keeps the record, the second gets the same frames.
 
+use crate::sink::line::Tally;
 use crate::sink::{Loss, SentFrame, Sink, SinkError, SinkLine, SinkSummary};
 
 /// Sends every frame to both.
@@ -44,6 +45,35 @@ impl Sink for Tee {
     /// Returns the lines of the first sink, as the summary does.
     fn lines(&self) -> Vec<SinkLine> {
         self.first.lines()
+    }
+}
+
+// The sink that keeps nothing: counts frames and sums up their pixels, to compare runs and to measure without a disk.
+
+/// Counts and checksums.
+#[derive(Debug, Default)]
+pub struct NullSink {
+    tally: Tally,
+}
+
+impl NullSink {
+    /// Returns a sink that has seen nothing.
+    pub fn new() -> Self {
+        Self::default()
+    }
+}
+
+impl Sink for NullSink {
+    fn name(&self) -> &'static str {
+        "null"
+    }
+
+    fn send(&mut self, frame: &SentFrame) -> Result<(), SinkError> {
+        self.tally.take(self.name(), frame)
+    }
+
+    fn finish(&mut self) -> Result<SinkSummary, SinkError> {
+        Ok(self.tally.finish(self.name()))
     }
 }
 

@@ -125,7 +125,7 @@ fn read_star(record: &csv::StringRecord) -> Result<TruthStar, SinkError> {
     let mag = record.get(5).unwrap_or("");
     let kind = record.get(9).unwrap_or("");
     let name = record.get(12).unwrap_or("");
-    let named = TruthKind::NAMED.iter().find(|(_, name)| *name == kind);
+    let named = TruthKind::NAMED.iter().find(|(name, _)| *name == kind);
     Ok(TruthStar {
         id: id.parse().map_err(|_| bad(line, "a catalog identifier", id))?,
         apparent_deg: [number(1)?, number(2)?],
@@ -134,7 +134,7 @@ fn read_star(record: &csv::StringRecord) -> Result<TruthStar, SinkError> {
         x_px: number(6)?,
         y_px: number(7)?,
         electrons: number(8)?,
-        kind: named.map(|(kind, _)| *kind).ok_or_else(|| bad(line, "a kind of source such as star", kind))?,
+        kind: named.map(|(_, kind)| *kind).ok_or_else(|| bad(line, "a kind of source such as star", kind))?,
         smear_px: number(10)?,
         smear_deg: number(11)?,
         source_id: if name.is_empty() { None } else { Some(name.parse().map_err(|_| bad(line, SOURCE_ID, name))?) },
@@ -199,7 +199,7 @@ mod tests {
 
     #[test]
     fn kinds_and_smears_read_back() {
-        for (kind, name) in TruthKind::NAMED {
+        for (name, kind) in TruthKind::NAMED {
             assert_eq!(kind.name(), name);
             let star = TruthStar { kind, smear_px: 2.5, smear_deg: -53.25, ..sample_frame(0).truth[0] };
             assert_eq!(round_trip(&[star]), [star]);

@@ -12,42 +12,136 @@
 //! `hil_scripts/test_gateways.py` with python-can and with a browser, and those of the parsers beside their code.
 
 mod address;
-mod admission;
 mod client;
-mod counters;
 #[cfg(test)]
 mod end_tests;
-mod hex;
-mod outgoing;
 #[cfg(test)]
 mod parser_checks;
 mod pty;
-mod refusal;
 pub(crate) mod screen;
-/// The protocol of serial CAN adapters.
-pub mod slcan;
-/// The protocol of the daemon of that name.
-pub mod socketcand;
-mod tcp;
-#[cfg(test)]
-mod tests;
+
+pub use address::{GatewayAddress, NoTcpAddress, TcpAddress};
+pub use pty::LinkedTerminal;
+pub use screen::{Foreign, GRACE, MALFORMED_MAX, OPENING_WITHIN, Screen};
 
 use crate::{LinkError, simulated::SimulatedBus};
 use base::{clock::Clock, time::Span};
 use client::{Dialogue, Scribe};
 use core::sync::atomic::{AtomicBool, Ordering};
-use counters::Tally;
+use firmware_protocol::can::CanId;
 use pty::Pty;
-use refusal::system;
 use std::path::{Path, PathBuf};
-use std::{net::SocketAddr, sync::Arc, thread::JoinHandle};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::{collections::BTreeMap, net::SocketAddr, thread::JoinHandle};
 use tcp::{Hall, Protocol};
 
-pub use address::{GatewayAddress, NoTcpAddress, TcpAddress};
-pub use admission::{GRACE, MALFORMED_MAX, OPENING_WITHIN};
-pub use counters::GatewayCounters;
-pub use pty::LinkedTerminal;
-pub use screen::{Foreign, Screen};
+/// The protocol of serial CAN adapters.
+pub mod slcan;
+/// The protocol of the daemon of that name.
+pub mod socketcand;
+mod tcp;
+
+// Errors of the system for a gateway.
+
+/// Returns the error of a link that could not do something.
+fn system(link: &str, doing: &'static str, source: std::io::Error, advice: &'static str) -> LinkError {
+    LinkError::System { link: link.into(), doing, source, advice }
+}
+
+// Hexadecimal digits, without allocation.
+
+/// Returns the value of one digit, in either case.
+fn digit(character: u8) -> Option<u8> {
+    char::from(character).to_digit(16).and_then(|value| u8::try_from(value).ok())
+}
+
+/// Returns the value of one to eight digits.
+fn digits(text: &[u8]) -> Option<u32> {
+    if text.is_empty() || text.len() > 8 {
+        return None;
+    }
+    text.iter().try_fold(0_u32, |value, character| Some(value << 4 | u32::from(digit(*character)?)))
+}
+
+/// Adds `count` upper-case digits of `value`, the highest first.
+fn put_digits(out: &mut Vec<u8>, value: u32, count: u32) {
+    for place in (0..count).rev() {
+        let digit = char::from_digit(value >> (4 * place) & 0xF, 16).unwrap_or('0');
+        out.push(digit.to_ascii_uppercase() as u8);
+    }
+}
+
+/// Adds 3 digits of an identifier of 11 bits, 8 of one with 29.
+fn put_id(out: &mut Vec<u8>, id: CanId) {
+    put_digits(out, id.number(), if id.is_extended() { 8 } else { 3 });
+}
+
+/// Adds two digits per byte.
+fn put_bytes(out: &mut Vec<u8>, bytes: &[u8]) {
+    bytes.iter().for_each(|byte| put_digits(out, u32::from(*byte), 2));
+}
+
+// Frames and clients that the gateways forwarded, lost and refused.
+
+/// Traffic of one gateway.
+#[derive(Debug, Clone, Default, PartialEq, Eq, serde::Serialize)]
+pub struct GatewayCounters {
+    /// Clients so far.
+    pub clients: u64,
+    /// Clients now.
+    pub connected: u64,
+    /// Clients turned away because there were enough.
+    pub refused: u64,
+    /// Clients dropped because they did not read.
+    pub stalled: u64,
+    /// Frames from clients, put on the bus.
+    pub from_clients: u64,
+    /// Frames of the bus, written to clients.
+    pub to_clients: u64,
+    /// Frames of the bus that a client read too slowly for.
+    pub dropped: u64,
+    /// FD frames that the protocol cannot carry.
+    pub withheld: u64,
+    /// Number of refusals by reason.
+    pub rejects: BTreeMap<&'static str, u64>,
+    /// Threads of this gateway that ended by a panic.
+    pub lost_threads: u64,
+}
+
+impl GatewayCounters {
+    /// Returns everything refused, whatever the reason.
+    pub fn rejected(&self) -> u64 {
+        self.rejects.values().sum()
+    }
+}
+
+/// The counters of one gateway, shared by its threads. Nothing real-time comes by here.
+#[derive(Debug, Default)]
+struct Tally {
+    counters: Mutex<GatewayCounters>,
+}
+
+impl Tally {
+    fn lock(&self) -> MutexGuard<'_, GatewayCounters> {
+        self.counters.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn reject(&self, reason: &'static str) {
+        *self.lock().rejects.entry(reason).or_default() += 1;
+    }
+}
+
+/// Counts the thread that holds it as lost when it panics.
+struct CountsIfLost(pub(super) Arc<Tally>);
+
+impl Drop for CountsIfLost {
+    fn drop(&mut self) {
+        self.0.lock().lost_threads += u64::from(std::thread::panicking());
+    }
+}
+
+#[cfg(test)]
+mod tests;
 
 /// Clients that socketcand serves at once.
 pub const SOCKETCAND_CLIENTS_MAX: usize = 4;

@@ -3,7 +3,7 @@
 //! The link of a run that was killed is replaced by the next run's; that of a run that goes on is not.
 
 use super::client::{ClientParts, OnStall, serve};
-use super::{counters::Tally, refusal::system, slcan};
+use super::{Tally, slcan, system};
 use crate::{LinkError, serial::PseudoTerminal, simulated::SimulatedBus};
 use base::{clock::Clock, time::Span};
 use core::sync::atomic::{AtomicBool, Ordering};

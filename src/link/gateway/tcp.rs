@@ -1,12 +1,11 @@
 //! TCP listeners: clients come and go; one too many gets a message and is hung up on.
 //!
 //! Before a newcomer is refused, a client that has left gives its seat up, so that a client may reconnect at once, and
-//! a client that has not opened the bus loses its seat ([`super::admission`]).
+//! a client that has not opened the bus loses its seat ([`super::screen`]).
 
-use super::admission::{Admission, GRACE, keep_alive};
 use super::client::{Client, ClientParts, Dialogue, LOOK_MS, OnStall, Scribe, Served, is_readable, serve};
-use super::counters::{CountsIfLost, Tally};
-use super::refusal::system;
+use super::screen::{Admission, GRACE, keep_alive};
+use super::{CountsIfLost, Tally, system};
 use crate::{LinkError, simulated::SimulatedBus};
 use base::{clock::Clock, time::Span};
 use core::sync::atomic::{AtomicBool, Ordering};

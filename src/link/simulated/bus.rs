@@ -1,7 +1,6 @@
 //! The bus, its ends, and the waiting of their threads.
 
-use super::params::{BusModel, BusParams};
-use super::{error_counters::ErrorCounters, medium::Medium, statistics::BusStatistics};
+use super::{BusModel, BusParams, BusStatistics, error_counters::ErrorCounters, medium::Medium};
 use crate::{Departure, Link, LinkCounters, LinkError, Packet, Stamped};
 use base::clock::Clock;
 use base::time::{Span, Tai};

@@ -1,7 +1,7 @@
 //! Commands the faults on the wire while the bus runs.
 
 use super::bus::{Bus, SimulatedBus};
-use super::fault::{BusFault, TimedBusFault};
+use super::{BusFault, TimedBusFault};
 use base::time::Tai;
 use std::sync::Arc;
 

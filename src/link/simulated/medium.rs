@@ -5,9 +5,7 @@
 //! queued before then still takes part in the arbitration; the result does not depend on when the bus is read.
 
 use super::end::{End, Queued};
-use super::fault::{BusFault, TimedBusFault};
-use super::params::{BusModel, BusParams};
-use super::statistics::BusStatistics;
+use super::{BusFault, BusModel, BusParams, BusStatistics, TimedBusFault};
 use crate::{Packet, Stamped};
 use base::time::{Span, Tai};
 use firmware_protocol::can::{CanFrame, CanId};

@@ -1,8 +1,7 @@
 //! `Link` over one CAN interface: waits, stamps, counts, survives the loss of the interface.
 
 use super::socket::{Received, Socket};
-use super::{RETRY, SocketCanParams};
-use super::{hardware_clock::HardwareClock, raw_frame::RawFrame};
+use super::{RETRY, SocketCanParams, hardware_clock::HardwareClock, socket::RawFrame};
 use crate::kernel_stamp::StampMap;
 use crate::{Link, LinkCounters, LinkError, Packet, Stamped};
 use base::clock::{Clock, PairedReading};

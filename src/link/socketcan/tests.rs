@@ -1,8 +1,7 @@
 //! Byte layouts, filters and error frames, compared with the socketcan crate's own types and with bytes made by hand.
 
-use super::filters::{Receives, filters};
-use super::raw_frame::{CLASSIC_BYTES, FD_BYTES, RawFrame, read, write};
-use super::{errors::ErrorReport, *};
+use super::socket::{CLASSIC_BYTES, FD_BYTES, RawFrame, Receives, bytes_of, filters, frame_of};
+use super::{socket::ErrorReport, *};
 use crate::LinkError;
 use base::clock::{Clock, Monotonic};
 use firmware_protocol::MessageId;
@@ -26,15 +25,15 @@ fn raw(id: u32, len: u8, data: &[u8], size: usize) -> Vec<u8> {
 fn frames_have_the_kernels_layout() {
     let mut buffer = [0xEE; FD_BYTES];
     let classic = CanFrame::classic(0x123, &[1, 2, 3]).unwrap();
-    let bytes = write(&classic, true, &mut buffer);
+    let bytes = bytes_of(&classic, true, &mut buffer);
     assert_eq!(bytes, raw(0x123, 3, &[1, 2, 3], 16), "nothing of what was in the buffer before");
     let fd = CanFrame::fd(0x7FF, &[7; 48]).unwrap();
     let mut wanted = raw(0x7FF, 48, &[7; 48], 72);
-    assert_eq!(write(&fd, false, &mut buffer), wanted);
+    assert_eq!(bytes_of(&fd, false, &mut buffer), wanted);
     wanted[5] = 1; // CANFD_BRS
-    assert_eq!(write(&fd, true, &mut buffer), wanted);
+    assert_eq!(bytes_of(&fd, true, &mut buffer), wanted);
     let extended = CanFrame::classic(CanId::extended(0x123).unwrap(), &[1, 2, 3]).unwrap();
-    assert_eq!(write(&extended, true, &mut buffer), raw(0x8000_0123, 3, &[1, 2, 3], 16), "CAN_EFF_FLAG");
+    assert_eq!(bytes_of(&extended, true, &mut buffer), raw(0x8000_0123, 3, &[1, 2, 3], 16), "CAN_EFF_FLAG");
     assert_eq!((CLASSIC_BYTES, FD_BYTES), (socketcan::socket::CAN_MTU, socketcan::socket::CANFD_MTU));
 }
 
@@ -47,7 +46,7 @@ fn every_frame_comes_back() {
         let frames = ids.map(|id| [CanFrame::classic(id, &data[..len]), CanFrame::fd(id, &data[..len])]);
         for frame in frames.into_iter().flatten().flatten() {
             let mut buffer = [0; FD_BYTES];
-            assert_eq!(read(write(&frame, true, &mut buffer)), RawFrame::Data(frame));
+            assert_eq!(frame_of(bytes_of(&frame, true, &mut buffer)), RawFrame::Data(frame));
         }
     }
 }
@@ -66,13 +65,13 @@ fn frames_other_than_data_frames_are_foreign() {
         vec![],
     ];
     for bytes in foreign {
-        assert_eq!(read(&bytes), RawFrame::Foreign, "{bytes:?}");
+        assert_eq!(frame_of(&bytes), RawFrame::Foreign, "{bytes:?}");
     }
 }
 
 #[test]
 fn error_frames_are_counted_by_what_they_say() {
-    let report = |class: u32, data: [u8; 8]| match read(&raw(0x2000_0000 | class, 8, &data, 16)) {
+    let report = |class: u32, data: [u8; 8]| match frame_of(&raw(0x2000_0000 | class, 8, &data, 16)) {
         RawFrame::Report(report) => report,
         other @ (RawFrame::Data(_) | RawFrame::Foreign) => panic!("{other:?}"),
     };
@@ -170,7 +169,7 @@ fn no_bytes_of_the_kernel_upset_the_reader() {
                 (*high, *top, *flags, *length) = (*high & 7, 0, 0, *length % 9);
             }
         }
-        counts[match read(&bytes) {
+        counts[match frame_of(&bytes) {
             RawFrame::Data(frame) => {
                 assert_eq!(frame.data(), &bytes[8..8 + usize::from(bytes[4])], "{bytes:?}");
                 assert_eq!(frame.is_fd(), len == 72, "{bytes:?}");

@@ -1,8 +1,6 @@
 //! `Link` over a TCP connection: one client or server at a time, whole messages, counters.
 
-use super::framing::Reassembly;
-use super::stream::{Got, Stream};
-use super::{Framing, REFUSED_MAX, RETRY, Seat, SeatChange, TcpParams, TcpRole};
+use super::{Framing, Got, REFUSED_MAX, RETRY, Reassembly, Seat, SeatChange, Stream, TcpParams, TcpRole};
 use crate::gateway::screen::{OPENING_BYTES, opens_another_protocol};
 use crate::plain::{ACKNOWLEDGE, is_end_of_message};
 use crate::readiness::wait_for_any;

@@ -1,6 +1,6 @@
 //! Borders of messages in a stream, one client at a time, connections that are lost, the answer of 42's receiver.
 
-use super::{framing::Reassembly, *};
+use super::{Reassembly, *};
 use crate::{DATAGRAM_MAX, Link, LinkCounters, Packet};
 use base::clock::{Clock, Monotonic};
 use base::time::Span;
@@ -119,7 +119,7 @@ fn only_records_of_the_stream_go_out() {
     let clock = clock();
     let mut link = server(Framing::Records(3), false, &clock);
     let _stream = client(&link);
-    let packet = |bytes| Packet::Datagram(crate::Datagram::new(bytes).unwrap());
+    let packet = |bytes| Packet::Datagram(Datagram::new(bytes).unwrap());
     assert_eq!(next(&mut link, &clock), None);
     assert!(link.send(&packet(b"four")).is_err());
     link.send(&packet(b"abc")).unwrap();

@@ -13,7 +13,7 @@
 //! reverse order. Limits: a polynomial says nothing beyond the dots it was fitted to ([`DisplayGeometry::covered`]).
 //! Tests: below, and `tests/physics/display_calibration` against a simulated collimator that shares no code.
 
-use crate::display::covered::Covered;
+use crate::display::flat_field::Covered;
 use base::axes::{Rotation, Sensor};
 use base::units::ARCSEC;
 use glam::{DMat3, DQuat, DVec3};

@@ -17,25 +17,20 @@
 //! The module that opens windows, `screen`, is in builds with the feature `display`; `without` has its names in the
 //! others, and its error says how to build it. Calibrations and numbers are in all of them.
 //!
-//! Limits: X11 (Wayland desktops through Xwayland), Vulkan; without a server `direct_scanout`, a cargo feature that has
-//! never been run on a monitor. Ten bits where the driver offers A2B10G10R10. When the X server itself dies, Xlib ends
-//! the program; so does a client that is killed from outside (`xkill`).
+//! Limits: X11 (Wayland desktops through Xwayland), Vulkan. Ten bits where the driver offers A2B10G10R10. When the
+//! X server itself dies, Xlib ends the program; so does a client that is killed from outside (`xkill`).
 //!
 //! Tour: `params` (parameters) -> `monitor` (choice of the screen) -> `screen` (the sink): `refresh` (how often),
-//! `window`, `placement`, `plug` (a window that fills it) or `connector`, `mode`, `direct_scanout` (a monitor without a
-//! server), `panel`, `surface`, `format`, `painter` (what can be shown on), `hand_over` (the newest frame whose time has
-//! come), `presenter` (each refresh) -> `grey`, `marker`, `picture` (the picture) -> `counters`, `submitted`, `submit_log`
-//! (results).
+//! `window` (that fills it), `surface`, `painter` (what can be shown on), `hand_over` (the newest frame whose time has
+//! come), `presenter` (each refresh) -> `grey`, `picture` (the picture) -> `counters`, `submit_log` (results).
 //!
-//! Calibration: `geometry` and `response` say where and how bright, `drive` and `dither` make greys of luminance,
+//! Calibration: `geometry` and `response` say where and how bright, `drive` makes greys of luminance,
 //! `beat` and `latency` compute the effects of shutters and clocks; `calibration` measures all of them.
 
 pub mod beat;
 pub mod calibration;
 #[cfg_attr(not(feature = "display"), allow(dead_code, reason = "counted by a display that is open"))]
 pub mod counters;
-pub mod covered;
-pub mod dither;
 pub mod drive;
 pub mod error;
 pub mod flat_field;
@@ -43,7 +38,6 @@ pub mod geometry;
 pub mod grey;
 pub mod latency;
 pub mod luminance_code;
-pub mod marker;
 pub mod monitor;
 pub mod params;
 pub mod picture;
@@ -52,19 +46,17 @@ pub mod response;
 mod screen;
 #[cfg_attr(not(feature = "display"), allow(dead_code, reason = "written by a display that is open"))]
 pub mod submit_log;
-pub mod submitted;
 #[cfg(not(feature = "display"))]
 mod without;
 
 pub use counters::Counts;
 pub use error::DisplayError;
 pub use grey::{GreyMaker, GreyTable};
-pub use marker::{Corner, Marker};
 pub use monitor::{MonitorChoice, MonitorFacts};
-pub use params::{Bits, CardChoice, Params};
+pub use params::{Bits, Params};
+pub use picture::{Corner, Marker};
 #[cfg(feature = "display")]
 pub use screen::{Display, monitors, painter};
-pub use submit_log::{SUBMITS, SubmitRow};
-pub use submitted::Submitted;
+pub use submit_log::{SUBMITS, SubmitRow, Submitted};
 #[cfg(not(feature = "display"))]
 pub use without::{Display, monitors};

@@ -1,8 +1,7 @@
 //! The parameters of a display.
 
-use crate::display::{marker::Marker, monitor::MonitorChoice};
+use crate::display::{monitor::MonitorChoice, picture::Marker};
 use base::time::Span;
-use std::path::PathBuf;
 
 /// Bits of a grey on the way to the monitor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -32,16 +31,6 @@ impl Bits {
     }
 }
 
-/// The graphics card that is asked for.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub enum CardChoice {
-    /// The first that has the monitor.
-    #[default]
-    First,
-    /// By its file, such as `/dev/dri/card1`.
-    At(PathBuf),
-}
-
 /// A display, as a bench describes it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Params {
@@ -59,9 +48,6 @@ pub struct Params {
     /// Time of the refresh that each frame was drawn for: frames are held back until theirs. `None`: each is shown as
     /// soon as it is there.
     pub refresh: Option<Span>,
-    /// Direct scan-out: the monitor of this card, without an X server and with no window. Refused in a build without
-    /// the feature `direct_scanout`. `None`: through the server.
-    pub direct_scanout: Option<CardChoice>,
 }
 
 impl Params {
@@ -74,7 +60,6 @@ impl Params {
             marker: None,
             latency: None,
             refresh: None,
-            direct_scanout: None,
         }
     }
 

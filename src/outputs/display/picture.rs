@@ -1,7 +1,7 @@
 //! Luminances -> the greys of one refresh, marker patch included. Buffers are made once.
 
+use crate::display::error::DisplayError;
 use crate::display::grey::{GreyMaker, Row};
-use crate::display::marker::Marker;
 
 /// Greys as they are to be shown, row by row from the top.
 #[derive(Debug)]
@@ -42,10 +42,62 @@ impl Picture {
     }
 }
 
+// The marker patch: a square in a corner that is black and white by turns, for a photodiode.
+//
+// It turns over with every new frame that is shown, and stays while a frame is repeated: each edge that the photodiode
+// sees belongs to one [`crate::display::Submitted`], whatever the refresh rate.
+
+/// A corner of the frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Corner {
+    /// Corner of pixel (0, 0).
+    #[default]
+    TopLeft,
+    /// The end of the first row.
+    TopRight,
+    /// The beginning of the last row.
+    BottomLeft,
+    /// The last pixel.
+    BottomRight,
+}
+
+/// A square for a photodiode.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Marker {
+    /// Its side, px.
+    pub size_px: u32,
+    /// Corner of the marker.
+    pub corner: Corner,
+}
+
+impl Marker {
+    /// Checks that the marker fits on frames of this size (columns, rows).
+    ///
+    /// # Errors
+    /// When it is empty or does not fit.
+    pub fn check(&self, image_px: [u32; 2]) -> Result<(), DisplayError> {
+        if self.size_px == 0 || self.size_px > image_px[0].min(image_px[1]) {
+            return Err(DisplayError::MarkerSize { marker_px: self.size_px, image_px });
+        }
+        Ok(())
+    }
+
+    /// Sets its square to `grey` in an image of `size_px` (columns, rows), row by row from the top.
+    pub fn draw(&self, greys: &mut [u16], size_px: [usize; 2], grey: u16) {
+        let [width, height] = size_px;
+        let side = (self.size_px as usize).min(width).min(height);
+        let left = if matches!(self.corner, Corner::TopLeft | Corner::BottomLeft) { 0 } else { width - side };
+        let top = if matches!(self.corner, Corner::TopLeft | Corner::TopRight) { 0 } else { height - side };
+        for row in greys.chunks_exact_mut(width.max(1)).skip(top).take(side) {
+            row[left..left + side].fill(grey);
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::display::{grey::GreyTable, marker::Corner};
+    use crate::display::{grey::GreyTable, picture::Corner};
 
     #[test]
     fn each_pixel_has_the_grey_of_its_luminance_save_under_the_marker() {
@@ -56,5 +108,32 @@ mod tests {
         assert_eq!(picture.greys(), [0, 1, 2, 255, 0, 255]);
         picture.compose(&[0, 257, 514, 65_535, 129, 129], &maker, 0, false);
         assert_eq!(picture.greys(), [0, 1, 2, 255, 1, 0]);
+    }
+}
+
+#[cfg(test)]
+mod marker_tests {
+    use super::*;
+
+    #[test]
+    fn each_corner_has_its_square_and_nothing_else_changes() {
+        let corners = [
+            (Corner::TopLeft, [[1, 1, 0], [1, 1, 0], [0, 0, 0], [0, 0, 0]]),
+            (Corner::TopRight, [[0, 1, 1], [0, 1, 1], [0, 0, 0], [0, 0, 0]]),
+            (Corner::BottomLeft, [[0, 0, 0], [0, 0, 0], [1, 1, 0], [1, 1, 0]]),
+            (Corner::BottomRight, [[0, 0, 0], [0, 0, 0], [0, 1, 1], [0, 1, 1]]),
+        ];
+        for (corner, wanted) in corners {
+            let mut greys = [0_u16; 12];
+            Marker { size_px: 2, corner }.draw(&mut greys, [3, 4], 1);
+            assert_eq!(greys.as_slice(), wanted.as_flattened(), "{corner:?}");
+        }
+    }
+
+    #[test]
+    fn it_must_fit() {
+        let marker = |size_px| Marker { size_px, corner: Corner::TopLeft };
+        assert!(marker(3).check([3, 4]).is_ok());
+        assert!(marker(4).check([3, 4]).is_err() && marker(0).check([3, 4]).is_err());
     }
 }

@@ -6,7 +6,7 @@
 //! counted. `starloop display latency` reads that of `starloop display flip` beside the edges that a photodiode saw.
 //! Tests below.
 
-use crate::display::{error::DisplayError, submitted::Submitted};
+use crate::display::error::DisplayError;
 use base::time::{Span, Tai};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -108,6 +108,33 @@ impl SubmitLog {
         let flushed = self.out.flush().map_err(|error| error.to_string());
         let failure = self.failure.take().or(flushed.err());
         failure.map_or(Ok(()), |reason| Err(DisplayError::SubmitLog { path: self.path.clone(), reason }))
+    }
+}
+
+// When a frame was handed to the graphics driver.
+
+/// One new frame on its way to the screen. Repeats leave none.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Submitted {
+    /// Number of the frame.
+    pub frame: u32,
+    /// Refreshes since the display was opened.
+    pub refresh: u64,
+    /// Time at which the driver took it: the **submit time**. Light leaves the screen one or two refreshes later, plus
+    /// what the monitor itself takes.
+    pub submit: Tai,
+    /// When its light was to begin: the start of its exposure, where it has one.
+    pub wanted_light: Option<Tai>,
+    /// The refresh came more than one and a half refresh times after the one before.
+    pub is_late: bool,
+    /// Colour of the marker patch, when there is one: true is white.
+    pub marker_is_white: bool,
+}
+
+impl Submitted {
+    /// Returns when light should leave the screen, by a latency that was measured or given. A prediction.
+    pub fn predicted_light(&self, latency: Span) -> Tai {
+        self.submit + latency
     }
 }
 

@@ -1,7 +1,8 @@
 //! The display of a build without the feature `display`: none can be opened, and the error says how to build it.
 
 use crate::display::{
-    counters::Counts, error::DisplayError, grey::GreyMaker, monitor::MonitorFacts, params::Params, submitted::Submitted,
+    counters::Counts, error::DisplayError, grey::GreyMaker, monitor::MonitorFacts, params::Params,
+    submit_log::Submitted,
 };
 use base::clock::Clock;
 use core::convert::Infallible;

@@ -4,7 +4,7 @@
 //! once, before its samples. Histograms are cumulative, with `+Inf`. `hil_scripts/test_live.py` reads it with
 //! Prometheus's own parser; the forms of numbers and labels are tested below.
 
-use crate::live::{HeadParams, board::Board, latest::Picture};
+use crate::live::{HeadParams, head::Board, kept::Picture};
 use core::fmt::{Display, Write};
 use frames::report::{RunNumbers, Stage};
 use frames::sink::{FaultFlags, SentFrame};

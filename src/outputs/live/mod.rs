@@ -16,26 +16,20 @@
 //! a lock that is held for two moves. Bounded: clients ([`CLIENTS_MAX`]), time of a connection, size of a request, one
 //! encoding at a time for a quarter of a core at most.
 //!
-//! Tour: `latest` and `sink` (frames in), `numbers` (counts in) -> `head` and `kept` (state of one head) and `board`
-//! (state of the run)
-//! -> `picture`, `frame`, `truth`, `pixel`, `state`, `metrics` (its forms) -> `route` (request to answer) -> `server` (clients) and `page/`.
+//! Tour: `kept` and `sink` (frames in), `numbers` (counts in) -> `head` (state of one head and of the run) ->
+//! `picture`, `truth`, `state`, `metrics` (its forms) -> `route` (request to answer) -> `server` (clients) and `page/`.
 //!
 //! Tests: beside the code; `http_tests` with raw requests; `hil_scripts/test_live.py` with a browser and Prometheus's
 //! parser.
 
-mod board;
-mod error;
-mod frame;
 mod head;
 #[cfg(test)]
 mod http_tests;
 mod kept;
 mod lateness;
-mod latest;
 mod metrics;
 mod numbers;
 mod picture;
-mod pixel;
 mod query;
 mod route;
 mod server;
@@ -44,9 +38,8 @@ mod state;
 mod truth;
 mod view;
 
-pub use error::LiveError;
 pub use numbers::Numbers;
-pub use server::CLIENTS_MAX;
+pub use server::{CLIENTS_MAX, LiveError};
 pub use sink::LiveSink;
 pub use view::{LINGER, LiveView};
 

@@ -14,14 +14,13 @@
 //! text that says what was wanted. Nothing is cached by browsers, nothing may be shown by pages from elsewhere, and
 //! only requests by its address or a known name are answered. Tests: `http_tests`.
 
-use crate::live::board::{Board, NoPicture};
-use crate::live::query::{BadQuery, PictureQuery};
-use crate::live::{Params, metrics, query, state};
-use crate::live::{head::Encoded, pixel::pixel_of};
+use crate::live::head::{Board, Encoded, NoPicture};
+use crate::live::picture::pixel_of;
+use crate::live::query::{self, BadQuery, PictureQuery};
+use crate::live::{Params, metrics, state};
 use http_body_util::Full;
 use hyper::header::{ALLOW, CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, HOST, HeaderValue, RETRY_AFTER};
-use hyper::{Method, Response, StatusCode};
-use hyper::{body::Bytes, http::request::Parts};
+use hyper::{Method, Response, StatusCode, body::Bytes, http::request::Parts};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::{net::IpAddr, time::Duration};
 

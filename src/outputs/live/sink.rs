@@ -4,7 +4,7 @@
 //! frame into a buffer that is there already (a frame of another size takes a new one, once) and waits for no client.
 //! Tests: the compliance suite of sinks, and below.
 
-use crate::live::{lateness::LatenessBins, latest::Writer};
+use crate::live::{kept::Writer, lateness::LatenessBins};
 use base::clock::Clock;
 use frames::sink::{NullSink, SentFrame, Sink, SinkError, SinkSummary};
 use std::sync::Arc;
@@ -76,7 +76,7 @@ impl Drop for LiveSink {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::live::latest::{Picture, Reader, latest};
+    use crate::live::kept::{Picture, Reader, latest};
     use base::{clock::Virtual, time::Tai};
     use frames::sink::{compliance::check_sink, sample::sample_frame};
 

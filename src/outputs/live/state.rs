@@ -4,7 +4,8 @@
 //! The facts of a frame are those of [`frames::sink::facts`]. Keys carry their unit; unknown values are `null`. Times
 //! are UTC: of the frame by the run's clock, of its arrival by the view's. Test: below.
 
-use crate::live::{board::Board, frame::frame_of, head::Head, latest::Picture};
+use crate::live::head::{Board, Head};
+use crate::live::kept::{Picture, frame_of};
 use base::time::Tai;
 use frames::report::{NamedCounts, NewestEvent, RunNumbers, Stage, TimeTally};
 use serde_json::{Map, Value, json};

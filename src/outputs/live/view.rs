@@ -1,9 +1,11 @@
 //! The view from its start to its end.
 
-use crate::live::latest::{Picture, latest};
+use crate::live::head::{Board, Head};
+use crate::live::kept::{Picture, latest};
 use crate::live::route::{SharedBoard, lock};
-use crate::live::{HeadParams, LiveError, Params};
-use crate::live::{board::Board, head::Head, lateness::LatenessBins, numbers::Numbers, server::serve, sink::LiveSink};
+use crate::live::{
+    HeadParams, LiveError, Params, lateness::LatenessBins, numbers::Numbers, server::serve, sink::LiveSink,
+};
 use base::{clock::Clock, refused::Refused, time::Span};
 use frames::sink::SentFrame;
 use std::net::{SocketAddr, TcpListener};

@@ -3,10 +3,10 @@
 use crate::network_camera::interface::{self, Interface};
 use crate::network_camera::packets::{Outlet, TestOutlet};
 use crate::network_camera::params::{CommandParams, DeviceParams, Params, SensorParams};
+use crate::network_camera::shared::{Shared, Slot};
 use crate::network_camera::stream::{Kept, Stream};
 use crate::network_camera::{
-    acquisition::Turn, counters::Counters, device::Device, listener::Listener, ptp::PtpClient, shared::Shared,
-    slots::Slot,
+    acquisition::Turn, counters::Counters, device::Device, listener::Listener, ptp::PtpClient,
 };
 use base::clock::{Clock, Monotonic};
 use base::{refused::Refused, time::Span};
@@ -75,7 +75,7 @@ impl NetworkCamera {
             message_source_port,
         };
         let device = Device::new(params, sensor, place, commands).map_err(refuse("deflate its XML"))?;
-        let shared = device.shared();
+        let shared = Arc::clone(&device.camera.shared);
         let pixels = sensor.size_px.iter().map(|side| *side as usize).product();
         let (full, frames) = bounded(params.frames_queued as usize);
         let (given_back, free) = bounded(params.frames_queued as usize);

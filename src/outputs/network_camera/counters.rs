@@ -18,7 +18,7 @@ macro_rules! counters {
         #[derive(Debug, Default)]
         pub(super) struct Tally {
             $(pub(super) $name: Count,)*
-            malformed: [Count; Malformed::NAMED.len()],
+            malformed: [Count; Malformed::ALL.len()],
         }
 
         impl Counters {
@@ -32,8 +32,8 @@ macro_rules! counters {
         impl Tally {
             /// Returns the counts now. Each is exact; together they are of nearly one instant.
             pub(super) fn read(&self) -> Counters {
-                let reasons = Malformed::NAMED.iter().zip(&self.malformed);
-                let malformed = reasons.map(|((_, name), count)| (*name, count.read())).filter(|(_, count)| *count > 0);
+                let reasons = Malformed::ALL.iter().zip(&self.malformed);
+                let malformed = reasons.map(|(reason, count)| (reason.name(), count.read())).filter(|(_, count)| *count > 0);
                 Counters { $($name: self.$name.read(),)* malformed: malformed.collect() }
             }
         }
@@ -128,9 +128,6 @@ impl Count {
 
 impl Tally {
     pub(super) fn malformed(&self, reason: Malformed) {
-        let place = Malformed::NAMED.iter().position(|(known, _)| *known == reason);
-        if let Some(count) = place.and_then(|place| self.malformed.get(place)) {
-            count.one();
-        }
+        self.malformed[reason as usize].one();
     }
 }

@@ -8,8 +8,8 @@ mod region_tests;
 mod user_set_tests;
 
 use super::*;
-use crate::network_camera::gvsp::tests::one_region;
-use crate::network_camera::registers::{self, at, own};
+use crate::network_camera::features::{at, own};
+use crate::network_camera::{gvsp::tests::one_region, registers};
 use base::time::{Span, Tai};
 use proptest::prelude::*;
 use std::net::{Ipv4Addr, SocketAddrV4};
@@ -46,6 +46,10 @@ impl Bench {
     }
 
     fn with(params: &Params, commands: Option<CommandParams>) -> Self {
+        Self::of(params, &sensor(), commands)
+    }
+
+    fn of(params: &Params, sensor: &SensorParams, commands: Option<CommandParams>) -> Self {
         let place = DeviceParams {
             address: Ipv4Addr::new(10, 0, 0, 1),
             mask: Ipv4Addr::new(255, 255, 255, 0),
@@ -54,7 +58,7 @@ impl Bench {
             stream_source_port: 50_000,
             message_source_port: 50_001,
         };
-        let device = Device::new(params, &sensor(), place, commands).unwrap();
+        let device = Device::new(params, sensor, place, commands).unwrap();
         Self { device, answer: Answer::default(), now: START, id: 0 }
     }
 

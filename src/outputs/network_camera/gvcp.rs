@@ -79,30 +79,21 @@ impl Status {
     }
 }
 
-/// Reason why a datagram was not a command, or cannot be carried out.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Malformed {
-    /// Shorter than a header.
-    TooShort,
-    /// The first byte is not that of a command.
-    WrongKey,
-    /// The length field differs from the bytes that follow.
-    WrongLength,
-    /// The payload's length does not fit the command.
-    WrongPayload,
-    /// A command that this device does not know.
-    UnknownCommand,
-}
-
-impl Malformed {
-    /// Every reason, with its word in files.
-    pub const NAMED: [(Self, &'static str); 5] = [
-        (Self::TooShort, "too_short"),
-        (Self::WrongKey, "wrong_key"),
-        (Self::WrongLength, "wrong_length"),
-        (Self::WrongPayload, "wrong_payload"),
-        (Self::UnknownCommand, "unknown_command"),
-    ];
+base::words! {
+    /// Reason why a datagram was not a command, or cannot be carried out.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub enum Malformed {
+        /// Shorter than a header.
+        TooShort = "too_short",
+        /// The first byte is not that of a command.
+        WrongKey = "wrong_key",
+        /// The length field differs from the bytes that follow.
+        WrongLength = "wrong_length",
+        /// The payload's length does not fit the command.
+        WrongPayload = "wrong_payload",
+        /// A command that this device does not know.
+        UnknownCommand = "unknown_command",
+    }
 }
 
 /// A command with the head that its answer repeats.

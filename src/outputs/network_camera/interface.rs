@@ -5,14 +5,15 @@
 use crate::network_camera::params::{PACKET_BYTES_MAX, PACKET_BYTES_MIN};
 use base::refused::Refused;
 use nix::ifaddrs::{InterfaceAddress, getifaddrs};
-use nix::sys::socket::{SockaddrStorage, setsockopt, sockopt};
+use nix::sys::socket::{ControlMessageOwned, MsgFlags, SockaddrIn, SockaddrStorage, recvmsg, setsockopt, sockopt};
 use rustix::net::sockopt::{
     Ipv4PathMtuDiscovery, set_ip_mtu_discover, set_socket_broadcast, set_socket_reuseaddr, set_socket_send_buffer_size,
     set_socket_timeout,
 };
 use rustix::net::{AddressFamily, SocketType, bind, socket};
-use std::io;
+use std::io::{self, IoSliceMut};
 use std::net::{Ipv4Addr, SocketAddrV4, UdpSocket};
+use std::os::fd::AsRawFd;
 
 /// MTU where the system reports none: Ethernet's.
 const USUAL_MTU: u32 = 1500;
@@ -79,7 +80,7 @@ fn base_name(name: &str) -> &str {
 }
 
 fn ipv4(address: Option<&SockaddrStorage>) -> Option<Ipv4Addr> {
-    address?.as_sockaddr_in().map(nix::sys::socket::SockaddrIn::ip)
+    address?.as_sockaddr_in().map(SockaddrIn::ip)
 }
 
 fn hardware_address(entry: &InterfaceAddress) -> Option<[u8; 6]> {
@@ -147,6 +148,44 @@ pub(super) fn stream_socket(address: Ipv4Addr) -> Result<UdpSocket, Refused> {
 
 pub(super) fn system(address: Ipv4Addr, doing: &'static str, source: io::Error, advice: &'static str) -> Refused {
     Refused(format!("network camera at {address}: cannot {doing} ({source}){advice}"))
+}
+
+// Reads the network's answers to sent packets: "destination unreachable" (ICMP type 3).
+//
+// Linux keeps such answers in the socket's error queue, each with the address that the packet went to (`man 7 ip`,
+// IP_RECVERR). Only answers from the network count, not errors of this machine, and "fragmentation needed" is not an
+// absent receiver. Proven by `outputs::network_camera::tests`.
+
+/// `SO_EE_ORIGIN_ICMP` of linux/errqueue.h.
+const ORIGIN_ICMP: u8 = 2;
+/// ICMP type and code of RFC 792.
+const DESTINATION_UNREACHABLE: u8 = 3;
+const FRAGMENTATION_NEEDED: u8 = 4;
+/// Answers that are read in a row.
+const IN_A_ROW: usize = 64;
+
+/// Empties the socket's error queue. Returns true when one answer is about packets to `receiver`.
+pub(super) fn take_answers(socket: &UdpSocket, receiver: SocketAddrV4) -> bool {
+    let mut is_about_receiver = false;
+    let mut control = nix::cmsg_space!(nix::libc::sock_extended_err, nix::libc::sockaddr_in);
+    for _ in 0..IN_A_ROW {
+        // The packet that the answer quotes is of no interest.
+        let mut quoted = [0; 0];
+        let mut parts = [IoSliceMut::new(&mut quoted)];
+        let flags = MsgFlags::MSG_ERRQUEUE | MsgFlags::MSG_DONTWAIT;
+        let Ok(message) = recvmsg::<SockaddrIn>(socket.as_raw_fd(), &mut parts, Some(&mut control), flags) else {
+            break;
+        };
+        let is_to_receiver = message.address.is_some_and(|to| SocketAddrV4::from(to) == receiver);
+        let Ok(mut controls) = message.cmsgs() else { continue };
+        is_about_receiver |= is_to_receiver && controls.any(|control| is_unreachable(&control));
+    }
+    is_about_receiver
+}
+
+fn is_unreachable(control: &ControlMessageOwned) -> bool {
+    let ControlMessageOwned::Ipv4RecvErr(error, _) = control else { return false };
+    error.ee_origin == ORIGIN_ICMP && error.ee_type == DESTINATION_UNREACHABLE && error.ee_code != FRAGMENTATION_NEEDED
 }
 
 #[cfg(test)]

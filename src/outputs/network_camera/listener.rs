@@ -80,9 +80,9 @@ impl Listener {
     }
 
     fn ask_clock(&mut self) {
-        if self.device.wants_ptp() {
+        if self.device.camera.wants_ptp() {
             let reported = self.ptp.poll(self.clock.now());
-            self.device.note_ptp(reported);
+            self.device.camera.note_ptp(reported);
         } else {
             self.ptp.rest();
         }

@@ -33,9 +33,9 @@
 //! `test_camera_events.py` (events, actions), `test_camera_ptp.py`.
 //!
 //! Tour: `params` -> `pixel_format`, `test_pattern`, `chunk` (forms of a frame) -> `gvcp`, `gvsp`, `messages`
-//! (bytes) -> `registers`, `user_sets`, `xml` (memory) -> `acquisition`, `control`, `repeats`, `ptp`, `device` (the
-//! state machine) -> `shared`, `slots` (between threads) -> `interface`, `pacing`, `packets`, `stream`, `listener`
-//! (sockets and threads) -> `camera` (the sink).
+//! (bytes) -> `features` (the table), `registers`, `user_sets`, `xml` (memory) -> `acquisition`, `control`, `ptp`,
+//! `device` (the state machine) -> `shared` (between threads) -> `interface`, `packets`, `stream`, `listener` (sockets
+//! and threads) -> `camera` (the sink).
 
 mod acquisition;
 mod camera;
@@ -45,13 +45,13 @@ mod counters;
 mod device;
 #[cfg(test)]
 mod device_tests;
-mod first_values;
+mod feature;
+mod features;
 mod gvcp;
 mod gvsp;
 mod interface;
 mod listener;
 mod messages;
-mod pacing;
 mod packets;
 mod params;
 mod pixel_format;
@@ -59,18 +59,13 @@ mod proof;
 mod ptp;
 mod regions;
 mod registers;
-mod repeats;
 mod shared;
-mod slots;
 mod stream;
 mod test_pattern;
-mod unreachable;
 mod user_sets;
 #[cfg(test)]
 mod tests;
 mod xml;
-mod xml_features;
-mod xml_nodes;
 
 pub use acquisition::Wanted;
 pub use camera::NetworkCamera;

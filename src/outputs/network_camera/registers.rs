@@ -1,120 +1,12 @@
-//! The device's memory: bootstrap registers, its own features from A000, the XML twice. Big-endian words.
+//! The device's memory: bootstrap registers, its own features from A000 (`features`), the XML twice. Big-endian words.
 //!
 //! Reading goes through whole words inside one block of memory; addresses between the blocks are invalid. Reserved
 //! words inside a block read as zero. The device writes: it knows the effect of a value.
 
-use crate::network_camera::gvcp::Status;
-use frames::camera_control::{TriggerOverlap, TriggerSource};
-
-/// Addresses of bootstrap registers.
-pub(super) mod at {
-    pub(in crate::network_camera) const VERSION: u32 = 0x0000;
-    pub(in crate::network_camera) const DEVICE_MODE: u32 = 0x0004;
-    pub(in crate::network_camera) const MAC_HIGH: u32 = 0x0008;
-    pub(in crate::network_camera) const MAC_LOW: u32 = 0x000C;
-    pub(in crate::network_camera) const IP_CONFIGURATIONS: u32 = 0x0010;
-    pub(in crate::network_camera) const IP_CONFIGURATION: u32 = 0x0014;
-    pub(in crate::network_camera) const ADDRESS: u32 = 0x0024;
-    pub(in crate::network_camera) const SUBNET_MASK: u32 = 0x0034;
-    pub(in crate::network_camera) const VENDOR: u32 = 0x0048;
-    pub(in crate::network_camera) const MODEL: u32 = 0x0068;
-    pub(in crate::network_camera) const DEVICE_VERSION: u32 = 0x0088;
-    pub(in crate::network_camera) const INFO: u32 = 0x00A8;
-    pub(in crate::network_camera) const SERIAL: u32 = 0x00D8;
-    pub(in crate::network_camera) const USER_NAME: u32 = 0x00E8;
-    pub(in crate::network_camera) const USER_NAME_LAST: u32 = 0x00F4;
-    pub(in crate::network_camera) const FIRST_URL: u32 = 0x0200;
-    pub(in crate::network_camera) const SECOND_URL: u32 = 0x0400;
-    pub(in crate::network_camera) const INTERFACES: u32 = 0x0600;
-    pub(in crate::network_camera) const MESSAGE_CHANNELS: u32 = 0x0900;
-    pub(in crate::network_camera) const STREAM_CHANNELS: u32 = 0x0904;
-    pub(in crate::network_camera) const ACTION_SIGNALS: u32 = 0x0908;
-    pub(in crate::network_camera) const ACTION_DEVICE_KEY: u32 = 0x090C;
-    pub(in crate::network_camera) const GVCP_CAPABILITY: u32 = 0x0934;
-    pub(in crate::network_camera) const HEARTBEAT_MS: u32 = 0x0938;
-    pub(in crate::network_camera) const TICK_FREQUENCY: u32 = 0x093C;
-    pub(in crate::network_camera) const TIMESTAMP_CONTROL: u32 = 0x0944;
-    pub(in crate::network_camera) const TIMESTAMP: u32 = 0x0948;
-    pub(in crate::network_camera) const GVCP_CONFIGURATION: u32 = 0x0954;
-    pub(in crate::network_camera) const PTP_STATUS: u32 = 0x096C;
-    pub(in crate::network_camera) const ACTION_QUEUE: u32 = 0x0970;
-    pub(in crate::network_camera) const CONTROL: u32 = 0x0A00;
-    pub(in crate::network_camera) const CONTROLLER_PORT: u32 = 0x0A04;
-    pub(in crate::network_camera) const CONTROLLER_ADDRESS: u32 = 0x0A14;
-    pub(in crate::network_camera) const MESSAGE_PORT: u32 = 0x0B00;
-    pub(in crate::network_camera) const MESSAGE_ADDRESS: u32 = 0x0B10;
-    pub(in crate::network_camera) const MESSAGE_TIMEOUT: u32 = 0x0B14;
-    pub(in crate::network_camera) const MESSAGE_RETRIES: u32 = 0x0B18;
-    pub(in crate::network_camera) const MESSAGE_SOURCE_PORT: u32 = 0x0B1C;
-    pub(in crate::network_camera) const STREAM_PORT: u32 = 0x0D00;
-    pub(in crate::network_camera) const PACKET_SIZE: u32 = 0x0D04;
-    pub(in crate::network_camera) const PACKET_DELAY: u32 = 0x0D08;
-    pub(in crate::network_camera) const STREAM_ADDRESS: u32 = 0x0D18;
-    pub(in crate::network_camera) const STREAM_SOURCE_PORT: u32 = 0x0D1C;
-    pub(in crate::network_camera) const ACTION_GROUP_KEY: u32 = 0x9800;
-    pub(in crate::network_camera) const ACTION_GROUP_MASK: u32 = 0x9804;
-}
-
-/// Addresses of the camera's own features.
-pub(super) mod own {
-    pub(in crate::network_camera) const SENSOR_WIDTH: u32 = 0xA000;
-    pub(in crate::network_camera) const SENSOR_HEIGHT: u32 = 0xA004;
-    pub(in crate::network_camera) const WIDTH: u32 = 0xA008;
-    pub(in crate::network_camera) const HEIGHT: u32 = 0xA00C;
-    pub(in crate::network_camera) const OFFSET_X: u32 = 0xA010;
-    pub(in crate::network_camera) const OFFSET_Y: u32 = 0xA014;
-    pub(in crate::network_camera) const PIXEL_FORMAT: u32 = 0xA018;
-    pub(in crate::network_camera) const PAYLOAD_SIZE: u32 = 0xA01C;
-    pub(in crate::network_camera) const ACQUISITION_START: u32 = 0xA020;
-    pub(in crate::network_camera) const ACQUISITION_STOP: u32 = 0xA024;
-    pub(in crate::network_camera) const ACQUISITION_MODE: u32 = 0xA028;
-    pub(in crate::network_camera) const FRAME_COUNT: u32 = 0xA02C;
-    pub(in crate::network_camera) const TRIGGER_MODE: u32 = 0xA030;
-    pub(in crate::network_camera) const TRIGGER_SOURCE: u32 = 0xA034;
-    pub(in crate::network_camera) const TRIGGER_SOFTWARE: u32 = 0xA038;
-    pub(in crate::network_camera) const PARAMETERS_LOCKED: u32 = 0xA03C;
-    pub(in crate::network_camera) const CHUNK_MODE: u32 = 0xA040;
-    pub(in crate::network_camera) const CHUNK_ENABLE: u32 = 0xA044;
-    pub(in crate::network_camera) const FRAME_RATE: u32 = 0xA048;
-    pub(in crate::network_camera) const FRAME_RATE_LOW: u32 = 0xA04C;
-    pub(in crate::network_camera) const EXPOSURE_TIME: u32 = 0xA050;
-    pub(in crate::network_camera) const GAIN: u32 = 0xA058;
-    pub(in crate::network_camera) const DETECTOR_BITS: u32 = 0xA060;
-    pub(in crate::network_camera) const CHUNK_SELECTOR: u32 = 0xA064;
-    pub(in crate::network_camera) const FRAME_RATE_MOST: u32 = 0xA068;
-    pub(in crate::network_camera) const FRAME_RATE_LEAST: u32 = 0xA070;
-    pub(in crate::network_camera) const BLACK_LEVEL: u32 = 0xA078;
-    pub(in crate::network_camera) const TRIGGER_DELAY: u32 = 0xA080;
-    pub(in crate::network_camera) const FRAME_RATE_ENABLE: u32 = 0xA088;
-    pub(in crate::network_camera) const TRIGGER_OVERLAP: u32 = 0xA08C;
-    pub(in crate::network_camera) const BURST: u32 = 0xA090;
-    pub(in crate::network_camera) const EXPOSURE_AUTO: u32 = 0xA094;
-    pub(in crate::network_camera) const GAIN_AUTO: u32 = 0xA098;
-    pub(in crate::network_camera) const EXPOSURE_MODE: u32 = 0xA09C;
-    pub(in crate::network_camera) const TEST_PATTERN: u32 = 0xA0A0;
-    pub(in crate::network_camera) const USER_SET_SELECTOR: u32 = 0xA0A4;
-    pub(in crate::network_camera) const USER_SET_LOAD: u32 = 0xA0A8;
-    pub(in crate::network_camera) const USER_SET_SAVE: u32 = 0xA0AC;
-    pub(in crate::network_camera) const USER_SET_DEFAULT: u32 = 0xA0B0;
-    pub(in crate::network_camera) const DEVICE_RESET: u32 = 0xA0B4;
-    pub(in crate::network_camera) const TEMPERATURE: u32 = 0xA0B8;
-    pub(in crate::network_camera) const EVENT_SELECTOR: u32 = 0xA0C0;
-    pub(in crate::network_camera) const EVENT_NOTIFICATION: u32 = 0xA0C4;
-    pub(in crate::network_camera) const PTP_ENABLE: u32 = 0xA0C8;
-    pub(in crate::network_camera) const PTP_LATCH: u32 = 0xA0CC;
-    pub(in crate::network_camera) const PTP_STATUS: u32 = 0xA0D0;
-    pub(in crate::network_camera) const PTP_SERVO: u32 = 0xA0D4;
-    pub(in crate::network_camera) const PTP_ACCURACY: u32 = 0xA0D8;
-    pub(in crate::network_camera) const PTP_OFFSET: u32 = 0xA0E0;
-    pub(in crate::network_camera) const PTP_DELAY: u32 = 0xA0E8;
-    pub(in crate::network_camera) const PTP_CLOCK_ID: u32 = 0xA0F0;
-    pub(in crate::network_camera) const PTP_PARENT_ID: u32 = 0xA0F8;
-    pub(in crate::network_camera) const PTP_GRANDMASTER_ID: u32 = 0xA100;
-    pub(in crate::network_camera) const REGION_SELECTOR: u32 = 0xA108;
-    pub(in crate::network_camera) const REGION_MODE: u32 = 0xA10C;
-    /// The first address behind them.
-    pub(in crate::network_camera) const END: u32 = 0xA110;
-}
+use crate::network_camera::features::{at, own};
+use crate::network_camera::params::{CommandParams, DeviceParams, Identity, SensorParams, XmlForm};
+use crate::network_camera::{gvcp::Status, pixel_format::PixelFormat};
+use frames::camera_control::{ExposureMode, TriggerOverlap, TriggerSource};
 
 /// Trigger sources by their number in the register.
 pub(super) const SOURCES: [TriggerSource; 5] =
@@ -198,6 +90,150 @@ impl Memory {
                 place.copy_from_slice(bytes);
             }
         }
+    }
+}
+
+// The first contents of the device's memory: addresses of the XML, bootstrap registers, features.
+
+/// Specification version reported to clients: 1.2, the first with all features in use here.
+const VERSION: u32 = 0x0001_0002;
+/// Big-endian, UTF-8.
+const DEVICE_MODE: u32 = 0x8000_0001;
+/// Names, serial number, PTP, actions, resend, memory writes, many registers in one command.
+const GVCP_CAPABILITY: u32 = 0xC008_0047;
+/// Beside these, of a camera that clients command: scheduled actions, events with data, events.
+const COMMANDED_CAPABILITY: u32 = 0x0002_0018;
+/// Scheduled actions that may wait.
+const ACTIONS_MOST: u32 = 256;
+/// Time stamps tick in nanoseconds.
+const TICKS_PER_S: u64 = 1_000_000_000;
+/// Heartbeat time of a client that asks for none, ms; the longest of a client that has not proven its address.
+pub(super) const HEARTBEAT_MS: u32 = 3000;
+
+/// Lowest frame rate of a commanded camera, Hz.
+const FRAME_RATE_LEAST_HZ: f64 = 1e-3;
+
+/// How one client sees the XML.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct XmlView {
+    /// Part of the file name, different in each run.
+    pub(super) run_number: u32,
+    /// Added to the XML's place in memory.
+    pub(super) shift: u32,
+}
+
+/// A client gets at least one frame in so many.
+pub(super) const ONE_IN_MOST: u16 = u16::MAX;
+
+/// Writes where one client sees the XML: two addresses, so that a client that cannot unzip reads the other.
+pub(super) fn write_urls(memory: &mut Memory, form: XmlForm, [plain_bytes, zip_bytes]: [usize; 2], view: XmlView) {
+    let XmlView { run_number, shift } = view;
+    let url = |end, from: u32, bytes| format!("Local:starloop_{run_number:08x}.{end};{:08x};{bytes:x}", from + shift);
+    let plain = |from| url("xml", from, plain_bytes);
+    let zip = |from| url("zip", from, zip_bytes);
+    let (first, second) = match form {
+        XmlForm::Zip => (zip(FIRST_XML), plain(SECOND_XML)),
+        XmlForm::Plain => (plain(FIRST_XML), zip(SECOND_XML)),
+    };
+    memory.set_bytes(at::FIRST_URL, first.as_bytes());
+    memory.set_bytes(at::SECOND_URL, second.as_bytes());
+}
+
+/// Writes the registers that clients read first.
+pub(super) fn write_bootstrap(memory: &mut Memory, identity: &Identity, place: &DeviceParams) {
+    let [a, b, c, d, e, f] = place.mac;
+    for (address, value) in [
+        (at::VERSION, VERSION),
+        (at::DEVICE_MODE, DEVICE_MODE),
+        (at::MAC_HIGH, u32::from_be_bytes([0, 0, a, b])),
+        (at::MAC_LOW, u32::from_be_bytes([c, d, e, f])),
+        // The machine's address, whatever its source: reported as a persistent one.
+        (at::IP_CONFIGURATIONS, 0x7),
+        (at::IP_CONFIGURATION, 0x5),
+        (at::ADDRESS, place.address.to_bits()),
+        (at::SUBNET_MASK, place.mask.to_bits()),
+        (at::INTERFACES, 1),
+        (at::MESSAGE_CHANNELS, 1),
+        (at::STREAM_CHANNELS, 1),
+        (at::ACTION_SIGNALS, 1),
+        (at::GVCP_CAPABILITY, GVCP_CAPABILITY),
+        (at::HEARTBEAT_MS, HEARTBEAT_MS),
+        (at::STREAM_SOURCE_PORT, place.stream_source_port.into()),
+        (at::MESSAGE_SOURCE_PORT, place.message_source_port.into()),
+    ] {
+        memory.set(address, value);
+    }
+    memory.set_long(at::TICK_FREQUENCY, TICKS_PER_S);
+    for (address, text) in [
+        (at::VENDOR, &identity.vendor),
+        (at::MODEL, &identity.model),
+        (at::DEVICE_VERSION, &identity.version),
+        (at::INFO, &identity.info),
+        (at::SERIAL, &identity.serial),
+        (at::USER_NAME, &identity.user_name),
+    ] {
+        memory.set_bytes(address, text.as_bytes());
+    }
+}
+
+/// Writes the camera's own features as they are before a client changes them.
+pub(super) fn write_features(memory: &mut Memory, sensor: &SensorParams, format: PixelFormat) {
+    let [width, height] = sensor.size_px;
+    for (address, value) in [
+        (own::SENSOR_WIDTH, width),
+        (own::SENSOR_HEIGHT, height),
+        (own::WIDTH, width),
+        (own::HEIGHT, height),
+        (own::PIXEL_FORMAT, format.code(sensor.colours)),
+        (own::FRAME_COUNT, 1),
+        (own::CHUNK_ENABLE, 1),
+        (own::DETECTOR_BITS, sensor.bits),
+    ] {
+        memory.set(address, value);
+    }
+    for (address, value) in [
+        (own::FRAME_RATE, sensor.frame_rate_hz),
+        (own::FRAME_RATE_MOST, sensor.frame_rate_hz),
+        (own::FRAME_RATE_LEAST, sensor.frame_rate_hz / f64::from(ONE_IN_MOST)),
+        (own::EXPOSURE_TIME, sensor.exposure_s * 1e6),
+        (own::GAIN, sensor.gain_e_per_dn.recip()),
+    ] {
+        memory.set_long(address, value.to_bits());
+    }
+}
+
+/// Writes the settings of a commanded camera as they are before a client changes them.
+pub(super) fn write_settings(memory: &mut Memory, commands: &CommandParams) {
+    let (settings, start, range) = (&commands.settings, &commands.start, &commands.range);
+    let place = |found: Option<usize>| found.and_then(|place| u32::try_from(place).ok()).unwrap_or_default();
+    // Of several sources one can be read: the line that a camera is wired to, when it waits for triggers.
+    let is_line = start.is_triggered && commands.has_line && start.sources.has(TriggerSource::Line);
+    let is_named = |source: &TriggerSource| start.sources.has(*source) && (!is_line || *source == TriggerSource::Line);
+    let source = SOURCES.iter().position(is_named);
+    let overlap = OVERLAPS.iter().position(|overlap| *overlap == start.overlap);
+    for (address, value) in [
+        (own::TRIGGER_MODE, start.is_triggered.into()),
+        (own::TRIGGER_SOURCE, place(source)),
+        (own::TRIGGER_OVERLAP, place(overlap)),
+        (own::BURST, start.burst),
+        (own::FRAME_RATE_ENABLE, start.period.is_some().into()),
+        (at::GVCP_CAPABILITY, GVCP_CAPABILITY | COMMANDED_CAPABILITY),
+        (at::ACTION_QUEUE, ACTIONS_MOST),
+        (own::EXPOSURE_MODE, (start.mode == ExposureMode::TriggerWidth).into()),
+    ] {
+        memory.set(address, value);
+    }
+    let rate_hz = start.period.map_or(range.frame_rate_max_hz, |period| 1.0 / period.s());
+    for (address, value) in [
+        (own::EXPOSURE_TIME, settings.exposure.s() * 1e6),
+        (own::GAIN, settings.gain_db),
+        (own::BLACK_LEVEL, settings.black_level_dn),
+        (own::TRIGGER_DELAY, start.delay.s() * 1e6),
+        (own::FRAME_RATE, rate_hz),
+        (own::FRAME_RATE_MOST, range.frame_rate_max_hz),
+        (own::FRAME_RATE_LEAST, FRAME_RATE_LEAST_HZ),
+    ] {
+        memory.set_long(address, value.to_bits());
     }
 }
 

@@ -1,11 +1,11 @@
 //! The state that the control side, the stream and the sink share. The one lock is held for a copy of a few words, and
 //! never by the sink.
 
-use crate::network_camera::{acquisition::Wanted, counters::Tally, gvsp::StreamSettings};
-use base::time::Tai;
+use crate::network_camera::{acquisition::Wanted, counters::Tally, gvsp::StreamSettings, test_pattern::TestPattern};
+use base::{drawn::PathOrigin, time::Tai};
 use core::sync::atomic::{AtomicBool, AtomicI64, AtomicU32, AtomicU64, Ordering};
 use crossbeam_channel::{Receiver, Sender, bounded};
-use frames::sink::{Loss, LossKind};
+use frames::sink::{FrameMeta, Loss, LossKind, SentFrame};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Losses that are kept until the run asks for them; further ones are only counted.
@@ -113,5 +113,35 @@ impl Shared {
 
     pub(super) fn is_ended(&self) -> bool {
         self.ended.load(Ordering::Acquire)
+    }
+}
+
+// Frames on their way from the sink to the stream: buffers made once that go round.
+
+/// One frame that waits to be sent.
+#[derive(Debug)]
+pub(super) struct Slot {
+    /// The acquisition it was taken for.
+    pub(super) acquisition: u32,
+    pub(super) pixels: Vec<u16>,
+    pub(super) meta: FrameMeta,
+}
+
+impl Slot {
+    pub(super) fn with_capacity(pixels: usize) -> Self {
+        Self { acquisition: 0, pixels: Vec::with_capacity(pixels), meta: FrameMeta::empty("".into()) }
+    }
+
+    /// Copies a frame; no allocation after the first of its size.
+    pub(super) fn take_in(&mut self, frame: &SentFrame) {
+        self.pixels.clear();
+        self.pixels.extend_from_slice(frame.image.pixels());
+        self.meta.clone_from(&frame.meta);
+    }
+
+    /// Replaces the image by a test pattern, and says so: the frame is not one of the sky.
+    pub(super) fn show(&mut self, pattern: TestPattern, width_px: usize, dn_bits: u32) {
+        pattern.draw(self.meta.number, width_px, dn_bits, &mut self.pixels);
+        (self.meta.test_pattern, self.meta.origin) = (pattern.name(), PathOrigin::TestPattern);
     }
 }

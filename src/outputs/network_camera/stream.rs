@@ -11,9 +11,8 @@
 
 use crate::network_camera::gvsp::{Block, StreamSettings, next_id};
 use crate::network_camera::pixel_format::{PixelFormat, append_regions};
-use crate::network_camera::{
-    chunk, gvcp::Resend, packets::Outlet, shared::Shared, slots::Slot, test_pattern::TestPattern,
-};
+use crate::network_camera::shared::{Shared, Slot};
+use crate::network_camera::{chunk, gvcp::Resend, packets::Outlet, test_pattern::TestPattern};
 use base::time::Span;
 use crossbeam_channel::{Receiver, RecvError, Select, Sender, TryRecvError};
 use frames::sink::LossKind;

@@ -8,49 +8,34 @@
 //!
 //! Names: GenICam SFNC; the diagonal ramp is our own. Proven by `hil_scripts/test_network_camera.py`.
 
-/// Image that a camera sends in place of its own.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum TestPattern {
-    /// The detector's image.
-    #[default]
-    Off,
-    /// Zeros.
-    Black,
-    /// Full scale.
-    White,
-    /// One number more with each column.
-    GreyHorizontalRamp,
-    /// One number more with each row.
-    GreyVerticalRamp,
-    /// The same by columns, and one more with each frame.
-    GreyHorizontalRampMoving,
-    /// The same by rows, and one more with each frame.
-    GreyVerticalRampMoving,
-    /// One number more with each column, each row and each frame.
-    GreyDiagonalRampMoving,
+base::words! {
+    /// Image that a camera sends in place of its own.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+    pub enum TestPattern {
+        /// The detector's image.
+        #[default]
+        Off = "Off",
+        /// Zeros.
+        Black = "Black",
+        /// Full scale.
+        White = "White",
+        /// One number more with each column.
+        GreyHorizontalRamp = "GreyHorizontalRamp",
+        /// One number more with each row.
+        GreyVerticalRamp = "GreyVerticalRamp",
+        /// The same by columns, and one more with each frame.
+        GreyHorizontalRampMoving = "GreyHorizontalRampMoving",
+        /// The same by rows, and one more with each frame.
+        GreyVerticalRampMoving = "GreyVerticalRampMoving",
+        /// One number more with each column, each row and each frame.
+        GreyDiagonalRampMoving = "GreyDiagonalRampMoving",
+    }
 }
 
 impl TestPattern {
-    /// Every pattern with its name, by its number in the register.
-    pub const NAMED: [(&'static str, Self); 8] = [
-        ("Off", Self::Off),
-        ("Black", Self::Black),
-        ("White", Self::White),
-        ("GreyHorizontalRamp", Self::GreyHorizontalRamp),
-        ("GreyVerticalRamp", Self::GreyVerticalRamp),
-        ("GreyHorizontalRampMoving", Self::GreyHorizontalRampMoving),
-        ("GreyVerticalRampMoving", Self::GreyVerticalRampMoving),
-        ("GreyDiagonalRampMoving", Self::GreyDiagonalRampMoving),
-    ];
-
     /// Returns the pattern of a number in the register.
     pub fn from_number(number: u32) -> Option<Self> {
         Self::NAMED.get(usize::try_from(number).ok()?).map(|(_, pattern)| *pattern)
-    }
-
-    /// Returns its name.
-    pub fn name(self) -> &'static str {
-        Self::NAMED.iter().find(|(_, pattern)| *pattern == self).map_or("Off", |(name, _)| name)
     }
 
     /// Draws the pattern over an image of frame `number`, of columns `width_px` and pixels of so many bits.

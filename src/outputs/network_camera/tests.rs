@@ -1,12 +1,11 @@
 //! The camera on loopback: the promises of every sink, and hostile clients.
 
 use super::*;
-use crate::network_camera::registers::{at, own};
+use crate::network_camera::features::{at, own};
 use base::{clock::Monotonic, image::DnImage};
 use core::cell::Cell;
 use core::sync::atomic::{AtomicBool, Ordering};
-use frames::sink::{Loss, LossKind, SentFrame, Sink};
-use frames::sink::{compliance::check_sink, sample::sample_frame};
+use frames::sink::{Loss, LossKind, SentFrame, Sink, compliance::check_sink, sample::sample_frame};
 use std::net::{Ipv4Addr, UdpSocket};
 use std::{sync::Arc, time::Duration};
 

@@ -4,11 +4,7 @@
 //! and, of a camera that clients command, of [`COMMANDED_WORDS`]; numbers of double precision are two words. What is of
 //! one client or one moment is in none: addresses, packet sizes, events, selectors, the acquisition.
 
-use crate::network_camera::regions::RegionSet;
-use crate::network_camera::registers::{Memory, own};
-
-/// Names of the sets, by number.
-pub(super) const NAMES: [&str; 4] = ["Default", "UserSet1", "UserSet2", "UserSet3"];
+use crate::network_camera::{device::Values, features::own, regions::RegionSet};
 
 /// Settings of every camera, in the order in which they are loaded.
 const WORDS: [u32; 9] = [
@@ -53,10 +49,10 @@ pub(super) struct UserSet {
 
 impl UserSet {
     /// Returns the settings as they are now.
-    pub(super) fn of(memory: &Memory, regions: &RegionSet, chunks: u32, is_commanded: bool) -> Self {
+    pub(super) fn of(values: &Values, is_commanded: bool) -> Self {
         let more: &[u32] = if is_commanded { &COMMANDED_WORDS } else { &[] };
-        let words = WORDS.iter().chain(more).map(|address| (*address, memory.word(*address)));
-        Self { words: words.collect(), chunks, regions: regions.clone() }
+        let words = WORDS.iter().chain(more).map(|address| (*address, values.memory.word(*address)));
+        Self { words: words.collect(), chunks: values.chunks, regions: values.regions.clone() }
     }
 
     /// Returns every write that loads it.

@@ -20,8 +20,7 @@ use crate::wiring::sinks::{directory_of_head, make_sinks};
 use crate::wiring::taps::{CaptureOptions, LiveOptions, LiveTap, Taps};
 use crate::wiring::tracker_outs::{TrackerOuts, WaitingOut, tap_heads};
 use crate::wiring::{
-    cable::CableSetting, display_parts::hold_cards, error::Result, far_side::FarSide, sink_setting::SinkSetting,
-    steering::Steering,
+    cable::CableSetting, error::Result, far_side::FarSide, sink_setting::SinkSetting, steering::Steering,
 };
 use anyhow::Context;
 use base::time::{Span, Tai};
@@ -129,10 +128,6 @@ impl Run {
         }
         check_memory(&scenario, &outputs, clock, live.is_some())?;
         let start = planned_start(scenario.bench.timing.start, clock);
-        let cards = match &outputs {
-            Outputs::Configured { sinks, .. } => Some(hold_cards(sinks)),
-            Outputs::Made(_) => None,
-        };
         let mut no_costs = |_: &Imager| None;
         let costs: Option<CostsHere<'_>> = match (clock, costs) {
             (RunClockKind::Real, Some(costs)) => Some(costs),
@@ -140,7 +135,6 @@ impl Run {
             (RunClockKind::Virtual, _) => None,
         };
         let mut heads = make_heads(HeadSetting { scenario: &scenario, start, costs })?;
-        drop(cards);
         let receiver = make_receiver(&scenario, &heads)?;
         arm(&scenario.bench, &mut heads)?;
         let clock = RunClock::new(clock, start);

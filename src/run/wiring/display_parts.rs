@@ -29,17 +29,16 @@ use crate::{runtime::params::RunParams, wiring::sink_setting::SinkSetting};
 use anyhow::{Context, Result, bail};
 use base::refused::Refused;
 use base::time::{Span, Tai};
-use config::{Bench, DisplaySettings, Sink, SinkSettings};
+use config::{Bench, DisplaySettings, Sink};
 use image::detector::{DetectorParams, Nonlinearity, Patterns};
 use outputs::display::beat::{Beat, BeatInput};
 use outputs::display::calibration::{Calibration, DisplayIdentity, Light, TrackerIdentity};
 use outputs::display::luminance_code::{KNOTS, luminance};
-use outputs::display::{Display, GreyMaker, GreyTable, Params, SUBMITS};
-use outputs::display::{dither::Dither, grey::Row};
+use outputs::display::{Display, GreyMaker, GreyTable, Params, SUBMITS, drive::Dither, grey::Row};
 use plan::exposure::Shutter;
 use plan::optics::{BackgroundLight, Illumination, PsfModel, Radiometry, StarLight};
 use scene::camera::CameraParams;
-use std::{fs::File, path::Path, sync::Arc};
+use std::{path::Path, sync::Arc};
 
 /// Standard deviation of a star on the display, px: wide enough for centroids that move evenly, narrow enough to be a
 /// point for most trackers.
@@ -204,17 +203,6 @@ fn brighter(light: &StarLight, times: f64) -> Result<StarLight> {
             bail!("a calibrated display wants a tracker whose [radiometry] is a few numbers, got another model")
         }
     })
-}
-
-/// Keeps every graphics card open while drivers of others are started, when a display of `sinks` uses direct
-/// scan-out: the first driver that opens a card keeps it. Unavailable cards are reported when the display opens.
-pub fn hold_cards(sinks: &[SinkSettings]) -> Vec<File> {
-    let is_direct = |display: &DisplaySettings| display.params.direct_scanout.is_some();
-    let is_direct = |settings: &SinkSettings| matches!(&settings.sink, Sink::Display(display) if is_direct(display));
-    let entries = sinks.iter().any(is_direct).then(|| std::fs::read_dir("/dev/dri").ok()).flatten();
-    let cards = entries.into_iter().flatten().filter_map(Result::ok);
-    let cards = cards.filter(|entry| entry.file_name().to_string_lossy().starts_with("card"));
-    cards.filter_map(|entry| File::options().read(true).write(true).open(entry.path()).ok()).collect()
 }
 
 /// Opens a display for the frames of a run, and returns notes about it. `directory` receives its submit times.

@@ -109,3 +109,72 @@ fn lines_of(text: &str, width_px: f64) -> Vec<String> {
     }
     lines
 }
+
+// The points that nothing beats.
+
+/// Returns the indices of the points that no other point beats in both coordinates, by ascending x. Of equal points the
+/// first counts; points that are not finite are left out.
+pub fn pareto_front(points: &[[f64; 2]]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..points.len()).filter(|i| points[*i].iter().all(|v| v.is_finite())).collect();
+    order.sort_by(|a, b| {
+        let ([ax, ay], [bx, by]) = (points[*a], points[*b]);
+        ax.total_cmp(&bx).then(ay.total_cmp(&by)).then(a.cmp(b))
+    });
+    let mut lowest = f64::INFINITY;
+    order.retain(|i| {
+        let is_lower = points[*i][1] < lowest;
+        lowest = lowest.min(points[*i][1]);
+        is_lower
+    });
+    order
+}
+
+// Shapes and colours of the groups.
+
+/// Okabe and Ito's palette on white, without yellow and with a darker purple: blue, vermilion, green, purple, orange,
+/// sky, black.
+const COLOURS: [&str; 7] = ["#0072b2", "#d55e00", "#009e73", "#aa4499", "#e69f00", "#56b4e9", "#333333"];
+/// About the place of the mark: disc, square, triangle, diamond, triangle down, cross, bar.
+const SHAPES: [&str; 7] = [
+    "M-4.5 0a4.5 4.5 0 1 0 9 0a4.5 4.5 0 1 0 -9 0z",
+    "M-4 -4h8v8h-8z",
+    "M0 -5.2l5 9h-10z",
+    "M0 -5.6l5.6 5.6l-5.6 5.6l-5.6 -5.6z",
+    "M0 5.2l5 -9h-10z",
+    "M-1.6 -5h3.2v3.4h3.4v3.2h-3.4v3.4h-3.2v-3.4h-3.4v-3.2h3.4z",
+    "M-5.5 -2h11v4h-11z",
+];
+
+/// Colour of a group; the eighth begins again.
+pub(in crate::report) fn colour(group: usize) -> &'static str {
+    COLOURS[group % COLOURS.len()]
+}
+
+/// Returns the outline of a group's mark, relative to its place.
+pub(super) fn shape(group: usize) -> &'static str {
+    SHAPES[group % SHAPES.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_front_is_what_nothing_beats() {
+        let points = [[3.0, 1.0], [1.0, 5.0], [2.0, 2.0], [2.5, 2.0], [2.0, 2.0], [4.0, 0.9], [0.5, f64::NAN]];
+        assert_eq!(pareto_front(&points), [1, 2, 0, 5]);
+        assert!(pareto_front(&[]).is_empty());
+    }
+
+    #[test]
+    fn it_agrees_with_comparing_all_pairs() {
+        // A fixed scramble along a falling diagonal.
+        let point = |i: u32| [f64::from(i * 37 % 101), f64::from(100 + i * 59 % 103) - f64::from(i * 37 % 101)];
+        let points: Vec<[f64; 2]> = (0..60).map(point).collect();
+        let is_beaten = |p: &[f64; 2]| points.iter().any(|q| q != p && q[0] <= p[0] && q[1] <= p[1]);
+        let mut wanted: Vec<usize> = (0..points.len()).filter(|i| !is_beaten(&points[*i])).collect();
+        wanted.sort_by(|a, b| points[*a][0].total_cmp(&points[*b][0]));
+        assert_eq!(pareto_front(&points), wanted);
+        assert!(wanted.len() > 2 && wanted.len() < points.len(), "a front, and points behind it");
+    }
+}

@@ -7,18 +7,16 @@
 //! *Limits.* Points without a place on a logarithmic axis (zero, negative) or on any (not finite) are left out and
 //! counted below the chart. Text widths are estimated (7 px a character). *Validation.* `tests.rs` reads the SVG back.
 //!
-//! Tour: `axis` (values -> px, ticks) -> `marks` (shapes and colours) -> `layout` (positions of the parts) -> `svg`.
+//! Tour: `axis` (values -> px, ticks) -> `layout` (positions of the parts, shapes and colours) -> `svg`.
 
 mod axis;
-mod front;
 mod layout;
-mod marks;
 mod svg;
 #[cfg(test)]
 mod tests;
 
-pub use front::pareto_front;
-pub(super) use marks::colour;
+pub(super) use layout::colour;
+pub use layout::pareto_front;
 pub use svg::to_svg;
 
 /// Spacing of values along an axis.

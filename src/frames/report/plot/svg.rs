@@ -1,8 +1,7 @@
 //! [`Chart`] -> SVG text.
 
 use super::axis::Tick;
-use super::layout::{Entry, LINE_PX, Layout, SWATCH_PX, WIDTH_PX};
-use super::marks::{colour, shape};
+use super::layout::{Entry, LINE_PX, Layout, SWATCH_PX, WIDTH_PX, colour, shape};
 use super::{Chart, Series, Style};
 use base::xml::escaped;
 

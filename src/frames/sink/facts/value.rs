@@ -1,7 +1,7 @@
 //! A fact of a frame, where it comes from, and the forms in which outputs write it.
 
 use crate::sink::frame::{FrameMeta, SentFrame};
-use crate::sink::{active_fault::ActiveFaults, faults::FaultFlags};
+use crate::sink::frame_fault::{ActiveFaults, FaultFlags};
 use base::time::{Span, Tai};
 use base::{region::Regions, units::DAY_S};
 use std::borrow::Cow;

@@ -6,10 +6,10 @@
 //! at the bottom, so they show the image upside down. FITS counts pixels from 1: pixel (x, y) here is (x + 1, y + 1)
 //! there.
 //!
-//! The WCS maps pixels to ICRS catalog places at the epoch of the frame (`wcs_cards`); `DATASUM` and `CHECKSUM` as in
-//! the standard (`checksum`).
+//! The WCS maps pixels to ICRS catalog places at the epoch of the frame (`keywords`); `DATASUM` and `CHECKSUM` as in
+//! the standard (`card`).
 //!
-//! Frames of data sets are compressed without loss (`compressed`); `packed` reads such files, `fpack`'s too.
+//! Frames of data sets are compressed without loss (`compressed`), which also reads such files, `fpack`'s too.
 //!
 //! Limits: one image of a file, no tables, no `CONTINUE`; long text is cut; of compressed images, integers by `RICE_1`.
 //!
@@ -19,21 +19,16 @@
 //! and `Time(MJD-OBS)` agree to 2 us, `Unit(BUNIT)` parses, and zlib gives the same CRC-32 as `PIXCRC32` and
 //! `frames.csv`.
 
-pub mod array;
 pub mod card;
-mod checksum;
 mod compressed;
 pub mod image;
 pub mod keywords;
-mod packed;
 pub mod read;
 mod rice;
-mod wcs_cards;
 
-pub use array::FitsImage;
 pub use card::{Header, Value};
 pub use compressed::write_compressed_frame;
-pub use image::{Pixels, write_image};
+pub use image::{FitsImage, Pixels, write_image};
 pub use keywords::{write_electrons, write_frame};
 pub use read::read_image;
 

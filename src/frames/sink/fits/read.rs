@@ -1,13 +1,12 @@
 //! Reads one image of two axes: the first of the file, in its primary array, in an image extension, or compressed in a table
-//! (`packed`).
+//! (`compressed`).
 //!
 //! Integers of 8, 16 and 32 bits with `BZERO` and `BSCALE`, IEEE floats of 32 and 64 bits. Parts without an image are
 //! skipped. A file that ends early is [`SinkError::DamagedFits`], one of another kind [`SinkError::BadFits`].
 
-use super::array::{FitsImage, OwnedPixels, Scale, axis, bad, ended};
 use super::card::{CARD_BYTES, Card, Header, end_card};
-use super::image::{BZERO_U16, fill_bytes};
-use super::{BLOCK_BYTES, packed};
+use super::image::{BZERO_U16, FitsImage, OwnedPixels, Scale, axis, bad, ended, fill_bytes};
+use super::{BLOCK_BYTES, compressed};
 use crate::sink::SinkError;
 use std::io::Read;
 
@@ -48,7 +47,7 @@ pub fn read_image(mut input: impl Read) -> Result<FitsImage, SinkError> {
     }
     for part in 1..=MAX_PARTS {
         if header.get("ZIMAGE") == Some(true.into()) {
-            return packed::read(input, header);
+            return compressed::read(input, header);
         }
         if is_image(&header) {
             return read_array(input, header);

@@ -5,7 +5,7 @@
 //! acceptance filters are refused unless they let everything pass.
 
 use super::super::client::{Client, Dialogue, Sending};
-use super::super::hex::{put_bytes, put_digits, put_id};
+use super::super::{put_bytes, put_digits, put_id};
 use super::parser::{Command, LENGTHS, Parser};
 use crate::simulated::{BusTiming, ErrorState};
 use crate::{Packet, Stamped};

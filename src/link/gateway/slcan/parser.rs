@@ -4,7 +4,7 @@
 //! codes `Y M` of the CANable 2.0 firmware. Limits: a line of [`LINE_MAX`] bytes; a longer one is refused once and
 //! skipped to its end. The tests beside the code hold every letter, both sides of every length, and split input.
 
-use super::super::hex::{digit, digits};
+use super::super::{digit, digits};
 use firmware_protocol::can::{CanFrame, CanId};
 
 /// Longest line: an extended FD frame of 64 bytes.
@@ -45,34 +45,22 @@ pub enum Command {
     Send(CanFrame),
 }
 
-/// Why a line is refused.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum SlcanReject {
-    /// Longer than any command.
-    TooLong,
-    /// No command begins so, or it is not served.
-    UnknownCommand,
-    /// Shorter or longer than the command asks for.
-    BadLength,
-    /// A digit that is none.
-    BadDigit,
-    /// A value that does not exist: an identifier of too many bits, a length code above 8 of a classic frame.
-    BadValue,
-    /// A remote request; this bus has none.
-    RemoteRequest,
-}
-
-impl SlcanReject {
-    /// Returns the word in counters.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::TooLong => "too_long",
-            Self::UnknownCommand => "unknown_command",
-            Self::BadLength => "bad_length",
-            Self::BadDigit => "bad_digit",
-            Self::BadValue => "bad_value",
-            Self::RemoteRequest => "remote_request",
-        }
+base::words! {
+    /// Why a line is refused.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub enum SlcanReject {
+        /// Longer than any command.
+        TooLong = "too_long",
+        /// No command begins so, or it is not served.
+        UnknownCommand = "unknown_command",
+        /// Shorter or longer than the command asks for.
+        BadLength = "bad_length",
+        /// A digit that is none.
+        BadDigit = "bad_digit",
+        /// A value that does not exist: an identifier of too many bits, a length code above 8 of a classic frame.
+        BadValue = "bad_value",
+        /// A remote request; this bus has none.
+        RemoteRequest = "remote_request",
     }
 }
 

@@ -4,7 +4,7 @@
 //! bytes between its brackets; a longer one is refused once and skipped to its end. The tests beside the code hold
 //! every command, both sides of every length, and split input.
 
-use super::super::hex::digits;
+use super::super::digits;
 use firmware_protocol::can::{CanFrame, CanId};
 
 /// Longest element, without its brackets: twice the longest command.
@@ -61,37 +61,24 @@ pub enum Command {
     Send(CanFrame),
 }
 
-/// Why an element is refused.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum SocketcandReject {
-    /// Longer than any command.
-    TooLong,
-    /// Bytes outside angle brackets.
-    Garbage,
-    /// No command begins so.
-    UnknownCommand,
-    /// A command of a mode that is not served: only raw mode is.
-    OtherMode,
-    /// Fewer or more words than the command asks for.
-    BadLength,
-    /// A digit that is none.
-    BadDigit,
-    /// A value that does not exist: an identifier of too many bits, more than 8 bytes, a name too long.
-    BadValue,
-}
-
-impl SocketcandReject {
-    /// Returns the word in counters.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::TooLong => "too_long",
-            Self::Garbage => "garbage",
-            Self::UnknownCommand => "unknown_command",
-            Self::OtherMode => "other_mode",
-            Self::BadLength => "bad_length",
-            Self::BadDigit => "bad_digit",
-            Self::BadValue => "bad_value",
-        }
+base::words! {
+    /// Why an element is refused.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub enum SocketcandReject {
+        /// Longer than any command.
+        TooLong = "too_long",
+        /// Bytes outside angle brackets.
+        Garbage = "garbage",
+        /// No command begins so.
+        UnknownCommand = "unknown_command",
+        /// A command of a mode that is not served: only raw mode is.
+        OtherMode = "other_mode",
+        /// Fewer or more words than the command asks for.
+        BadLength = "bad_length",
+        /// A digit that is none.
+        BadDigit = "bad_digit",
+        /// A value that does not exist: an identifier of too many bits, more than 8 bytes, a name too long.
+        BadValue = "bad_value",
     }
 }
 

@@ -4,7 +4,7 @@
 //! protocol has no others.
 
 use super::super::client::{Client, Dialogue, Sending};
-use super::super::hex::{put_bytes, put_id};
+use super::super::{put_bytes, put_id};
 use super::parser::{Command, Parser};
 use crate::{Packet, Stamped};
 use base::time::{Span, Tai};

@@ -1,8 +1,7 @@
 //! Errors of a calibration: it could not be made, or it is refused.
 
 use base::refused::Refused;
-use std::fmt::Display;
-use std::path::Path;
+use std::{fmt::Display, path::Path};
 
 /// A file that cannot be read.
 pub(crate) fn file(path: &Path, reason: impl Display) -> Refused {

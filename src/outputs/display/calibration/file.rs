@@ -7,11 +7,11 @@
 
 use super::identity::{DisplayIdentity, TrackerIdentity, same_display, same_tracker};
 use super::plan::Plan;
-use crate::display::calibration::error;
+use crate::display::drive::{DisplayDrive, Dither};
 use crate::display::flat_field::{FlatField, FlatParameters};
 use crate::display::geometry::{DisplayGeometry, GeometryParameters};
 use crate::display::response::{Response, ResponseParameters};
-use crate::display::{dither::Dither, drive::DisplayDrive, latency::Latency};
+use crate::display::{calibration::error, latency::Latency};
 use base::input_file::{DATA_BYTES, read_text};
 use base::{refused::Refused, time::Tai, units::DAY_S};
 use frames::sink::{crc32::Crc32, write_file_atomically};

@@ -15,8 +15,8 @@
 //! `fit_map_tests`; `tests/physics/display_calibration`.
 
 use crate::display::calibration::error;
+use crate::display::flat_field::{Covered, exponents};
 use crate::display::geometry::{DisplayGeometry, GeometryParameters, Pinhole, taken_apart, wxyz};
-use crate::display::{covered::Covered, flat_field::exponents};
 use base::least_squares::{Basis, median, rms};
 use base::{random::philox, refused::Refused};
 use glam::{DMat3, DQuat, DVec2, DVec3};

@@ -4,17 +4,14 @@
 //! in which spots are found) -> map, response, flat field, magnitudes -> a dated file with a check sum, which is
 //! refused when it is damaged, too old, or of something else. Light only: nothing here opens a window.
 //!
-//! Tour: `identity`, `pattern`, `dot_code`, `plan` (images to show) -> `measurement`, `spots` (measurements) ->
-//! `fit_map`, `coverage`, `fit_levels`, `fit` (results) -> `file`, `report` (stored and printed). Proved end to end by
+//! Tour: `identity`, `pattern`, `plan` (images to show) -> `measurement`, `spots` (measurements) ->
+//! `fit_map`, `fit` (results) -> `file`, `report` (stored and printed). Proved end to end by
 //! `tests/physics/display_calibration` on a simulated display, collimator and camera that share no code with this
 //! module: the map to 0.02 display px.
 
-pub mod coverage;
-pub mod dot_code;
 pub mod error;
 pub mod file;
 pub mod fit;
-pub mod fit_levels;
 pub mod fit_map;
 pub mod identity;
 pub mod measurement;

@@ -1,8 +1,7 @@
 //! The plan of a calibration: which display and tracker, which images in which order. A TOML file beside the images.
 
-use super::dot_code::{bits_of, code};
 use super::identity::{DisplayIdentity, TrackerIdentity};
-use super::pattern::{Grid, Pattern, draw, ramp_greys};
+use super::pattern::{Grid, Pattern, bits_of, code, draw, ramp_greys};
 use crate::display::calibration::error;
 use base::input_file::{SETTINGS_BYTES, read_text};
 use base::{image::Image, refused::Refused};

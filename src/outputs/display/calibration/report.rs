@@ -7,7 +7,7 @@
 //! a half. Tests below; the numbers of a simulated bench in `tests/physics/display_calibration`.
 
 use super::file::{Calibrated, Calibration, Light};
-use crate::display::{dither::Dither, luminance_code::LEAST_STEP};
+use crate::display::{drive::Dither, luminance_code::LEAST_STEP};
 use core::f64::consts::{LN_10, SQRT_2};
 use core::fmt::Write as _;
 

@@ -1,17 +1,7 @@
 //! The sink: frames in, a monitor that shows them.
 
-#[cfg(feature = "direct_scanout")]
-mod connector;
-#[cfg(feature = "direct_scanout")]
-mod direct_scanout;
-mod format;
-mod panel;
 mod hand_over;
-#[cfg(feature = "direct_scanout")]
-mod mode;
 pub mod painter;
-mod placement;
-mod plug;
 mod presenter;
 mod refresh;
 mod state;
@@ -21,17 +11,12 @@ mod window;
 pub use window::monitors;
 
 use crate::display::counters::{Counts, count};
-use crate::display::params::{CardChoice, Params};
-#[cfg(feature = "direct_scanout")]
-use crate::display::screen::connector::Connector;
-#[cfg(feature = "direct_scanout")]
-use crate::display::screen::direct_scanout::ScanOut;
 use crate::display::screen::hand_over::{Outgoing, hand_over};
 use crate::display::screen::presenter::{Pace, Presenter, Showing};
-use crate::display::screen::surface::{Pane, VulkanPanel};
+use crate::display::screen::surface::{Panel, VulkanPanel};
 use crate::display::screen::window::{Opened, Order};
-use crate::display::{error::DisplayError, grey::GreyMaker, picture::Picture};
-use crate::display::{screen::panel::Panel, screen::state::State, submit_log::SubmitLog, submitted::Submitted};
+use crate::display::submit_log::{SubmitLog, Submitted};
+use crate::display::{error::DisplayError, grey::GreyMaker, params::Params, picture::Picture, screen::state::State};
 use base::{clock::Clock, time::Span};
 use crossbeam_channel::{Receiver, bounded};
 use frames::sink::crc32::{RunCrc32, pixel_crc32};
@@ -65,12 +50,11 @@ pub struct Display {
 }
 
 impl Display {
-    /// Opens the window for frames of `image_px` (columns, rows), or takes the monitor by direct scan-out, and starts
-    /// its presenter. Submit times are read from `clock`.
+    /// Opens the window for frames of `image_px` (columns, rows), and starts its presenter. Submit times are read from
+    /// `clock`.
     ///
     /// # Errors
-    /// When the X server, the monitor or the driver is missing, or the parameters contradict each other; with direct
-    /// scan-out also when the card is unavailable, or this build does not support it.
+    /// When the X server, the monitor or the driver is missing, or the parameters contradict each other.
     pub fn open(
         params: &Params,
         image_px: [u32; 2],
@@ -79,9 +63,6 @@ impl Display {
     ) -> Result<Self, DisplayError> {
         check(params, image_px, &maker)?;
         let state = Arc::new(State::default());
-        if let Some(card) = &params.direct_scanout {
-            return scan_out(card, Start { params, image_px, maker, clock, state, refresh: None });
-        }
         let opened = window::open(Order {
             monitor: params.monitor.clone(),
             window_px: params.window_px,
@@ -94,7 +75,7 @@ impl Display {
         let place = [Some(place_of(&opened, params)), rate].into_iter().flatten().collect::<Vec<_>>().join("; ");
         let refresh = opened.monitor.refresh_mhz.map(period);
         let (bits, shared) = (params.bits, Arc::clone(&state));
-        let panel = move || VulkanPanel::open(Pane::Window(opened.window), image_px, bits, shared);
+        let panel = move || VulkanPanel::open(opened.window, image_px, bits, shared);
         let start = Start { params, image_px, maker, clock, state, refresh };
         let describe = move |panel: &VulkanPanel| format!("{place}; {}", panel.description());
         start.display(panel, describe, move || window::forget(id))
@@ -230,28 +211,6 @@ fn check(params: &Params, image_px: [u32; 2], maker: &GreyMaker) -> Result<(), D
     params.marker.map_or(Ok(()), |marker| marker.check(image_px))
 }
 
-/// Returns a display on a connector of `card`.
-#[cfg(feature = "direct_scanout")]
-fn scan_out(card: &CardChoice, start: Start<'_>) -> Result<Display, DisplayError> {
-    let (params, image_px, state) = (start.params, start.image_px, Arc::clone(&start.state));
-    let connector = Arc::new(Connector::take(card, params, image_px)?);
-    let mhz = connector.refresh_mhz();
-    let place = [Some(connector.to_string()), refresh::reported(params.refresh, Some(mhz), true)?];
-    let place = place.into_iter().flatten().collect::<Vec<_>>().join("; ");
-    state.set_window_px(connector.size_px());
-    let (bits, shown, shared) = (params.bits, Arc::clone(&connector), Arc::clone(&state));
-    let panel = move || ScanOut::open(shown, image_px, bits, shared);
-    let describe = move |panel: &ScanOut| format!("{place}; {}", panel.description());
-    let display = Start { refresh: Some(period(mhz)), ..start }.display(panel, describe, || {})?;
-    direct_scanout::watch(&connector, &state)?;
-    Ok(display)
-}
-
-#[cfg(not(feature = "direct_scanout"))]
-fn scan_out(_: &CardChoice, _: Start<'_>) -> Result<Display, DisplayError> {
-    Err(DisplayError::DirectScanOut)
-}
-
 fn period(mhz: u32) -> Span {
     Span::from_s(1000.0 / f64::from(mhz))
 }
@@ -325,8 +284,8 @@ impl Start<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::display::marker::{Corner, Marker};
-    use crate::display::{error::Closing, grey::GreyTable, params::Bits, screen::panel::Turn};
+    use crate::display::picture::{Corner, Marker};
+    use crate::display::{error::Closing, grey::GreyTable, params::Bits, screen::surface::Turn};
     use base::clock::Monotonic;
     use frames::sink::{compliance::check_sink, sample::sample_frame};
 
@@ -415,19 +374,6 @@ mod tests {
         let clock = || Arc::new(Monotonic::start());
         let open = |params: Params| Display::open(&params, [64, 48], maker(), clock()).unwrap_err();
         let plain = Params::full_screen();
-        #[cfg(not(feature = "direct_scanout"))]
-        {
-            let direct_scanout = Some(CardChoice::First);
-            let scanout = open(Params { direct_scanout, ..plain.clone() });
-            assert_eq!(scanout, DisplayError::DirectScanOut);
-            assert!(scanout.to_string().contains("--features direct_scanout"), "{scanout}");
-        }
-        #[cfg(feature = "direct_scanout")]
-        {
-            let direct_scanout = Some(CardChoice::At("/dev/null".into()));
-            let scanout = open(Params { direct_scanout, ..plain.clone() });
-            assert!(matches!(scanout, DisplayError::Card { .. }), "no window instead: {scanout}");
-        }
         let depth = open(Params { bits: Bits::Ten, ..plain.clone() });
         assert_eq!(depth, DisplayError::TableDepth { table: 8, display: 10 });
         let marker = Some(Marker { size_px: 49, corner: Corner::TopLeft });

@@ -6,9 +6,10 @@
 //! where a driver does not wait for one (software Vulkan on a virtual server), the presenter waits itself.
 
 use crate::display::screen::hand_over::{Incoming, Luminances};
-use crate::display::screen::panel::{Panel, Turn};
+use crate::display::screen::surface::{Panel, Turn};
 use crate::display::{
-    counters::count, error::DisplayError, grey::GreyMaker, picture::Picture, screen::state::State, submitted::Submitted,
+    counters::count, error::DisplayError, grey::GreyMaker, picture::Picture, screen::state::State,
+    submit_log::Submitted,
 };
 use base::clock::{Clock, Stopwatch};
 use base::time::{Span, Tai};
@@ -201,8 +202,8 @@ impl<G: Panel> Presenter<G> {
 mod tests {
     use super::*;
     use crate::display::grey::{GreyTable, Row};
-    use crate::display::marker::{Corner, Marker};
     use crate::display::params::Params;
+    use crate::display::picture::{Corner, Marker};
     use crate::display::screen::hand_over::{Outgoing, hand_over};
     use base::clock::Virtual;
     use crossbeam_channel::{Receiver, bounded};

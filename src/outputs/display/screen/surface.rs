@@ -3,17 +3,14 @@
 //! Temporary failures are not errors: a surface that is lost or has another size is configured or made again. A surface
 //! that does not come back within a second, or a lost device, ends the display.
 
-#[cfg(feature = "direct_scanout")]
-use crate::display::screen::connector::Connector;
-use crate::display::screen::panel::{Panel, Turn};
-use crate::display::screen::{format, painter::GreyPainter, state::State};
-use crate::display::{error::DisplayError, params::Bits, picture::Picture};
+use crate::display::screen::painter::{self, GreyPainter};
+use crate::display::{error::DisplayError, params::Bits, picture::Picture, screen::state::State};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use wgpu::{CurrentSurfaceTexture, SurfaceTexture};
 use winit::window::Window;
 
 /// A surface that is lost so often in a row stays lost (the presenter asks 50 times a second).
-pub(super) const MOST_LOSSES: u32 = 50;
+const MOST_LOSSES: u32 = 50;
 
 /// Errors of the driver.
 #[derive(Debug, Default)]
@@ -34,47 +31,9 @@ impl Trouble {
     }
 }
 
-/// Owner of the surface.
-pub(super) enum Pane {
-    Window(Arc<Window>),
-    #[cfg(feature = "direct_scanout")]
-    Connector(Arc<Connector>),
-}
-
-impl Pane {
-    fn surface(&self, instance: &wgpu::Instance) -> Result<wgpu::Surface<'static>, String> {
-        match self {
-            Self::Window(window) => instance.create_surface(Arc::clone(window)).map_err(|error| error.to_string()),
-            #[cfg(feature = "direct_scanout")]
-            Self::Connector(connector) => connector.surface(instance),
-        }
-    }
-
-    fn refused(&self, reason: String) -> DisplayError {
-        match self {
-            Self::Window(_) => DisplayError::NoDriver(reason),
-            #[cfg(feature = "direct_scanout")]
-            Self::Connector(connector) => DisplayError::NoScanOut { connector: connector.to_string(), reason },
-        }
-    }
-
-    fn size_px(&self) -> [u32; 2] {
-        match self {
-            Self::Window(window) => window.inner_size().into(),
-            #[cfg(feature = "direct_scanout")]
-            Self::Connector(connector) => connector.size_px(),
-        }
-    }
-
-    /// Returns true if it gives another surface when one is lost; a driver hands out a connector once.
-    fn is_lasting(&self) -> bool {
-        matches!(self, Self::Window(_))
-    }
-}
-
 /// A surface, its device, and the pipeline that paints on it.
 pub(super) struct VulkanPanel {
-    // Dropped from the top: an image before its surface, the surface and its instance before the window or connector.
+    // Dropped from the top: an image before its surface, the surface and its instance before the window.
     acquired: Option<SurfaceTexture>,
     surface: wgpu::Surface<'static>,
     painter: GreyPainter,
@@ -87,22 +46,27 @@ pub(super) struct VulkanPanel {
     trouble: Arc<Trouble>,
     losses: u32,
     last_complaint: String,
-    pane: Pane,
+    window: Arc<Window>,
 }
 
 impl VulkanPanel {
-    /// Opens a surface of `pane` for pictures of `image_px`.
+    /// Opens a surface of `window` for pictures of `image_px`.
     ///
     /// # Errors
     /// When no driver shows on it, or not with this depth.
-    pub(super) fn open(pane: Pane, image_px: [u32; 2], bits: Bits, state: Arc<State>) -> Result<Self, DisplayError> {
-        let refuse = |why: String| pane.refused(why);
+    pub(super) fn open(
+        window: Arc<Window>,
+        image_px: [u32; 2],
+        bits: Bits,
+        state: Arc<State>,
+    ) -> Result<Self, DisplayError> {
+        let refuse = DisplayError::NoDriver;
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
             backends: wgpu::Backends::VULKAN,
             flags: wgpu::InstanceFlags::empty(),
             ..wgpu::InstanceDescriptor::new_without_display_handle()
         });
-        let surface = pane.surface(&instance).map_err(refuse)?;
+        let surface = surface_of(&window, &instance).map_err(refuse)?;
         let adapter = pollster::block_on(instance.request_adapter(&wgpu::RequestAdapterOptions {
             power_preference: wgpu::PowerPreference::HighPerformance,
             compatible_surface: Some(&surface),
@@ -110,7 +74,7 @@ impl VulkanPanel {
         }))
         .map_err(|error| refuse(error.to_string()))?;
         let offered = surface.get_capabilities(&adapter);
-        let format = format::choose(&offered.format_capabilities, bits)?;
+        let format = painter::choose_format(&offered.format_capabilities, bits)?;
         let request = wgpu::DeviceDescriptor { label: Some("display"), ..wgpu::DeviceDescriptor::default() };
         let (device, queue) =
             pollster::block_on(adapter.request_device(&request)).map_err(|error| refuse(error.to_string()))?;
@@ -134,7 +98,7 @@ impl VulkanPanel {
             trouble,
             losses: 0,
             last_complaint: String::new(),
-            pane,
+            window,
         })
     }
 
@@ -143,9 +107,9 @@ impl VulkanPanel {
         &self.adapter
     }
 
-    /// Configures the surface for the pane as it is now; false when the driver refuses.
+    /// Configures the surface for the window as it is now; false when the driver refuses.
     fn configure(&mut self) -> bool {
-        let size_px = self.pane.size_px();
+        let size_px: [u32; 2] = self.window.inner_size().into();
         [self.config.width, self.config.height] = size_px.map(|side| side.max(1));
         self.surface.configure(&self.device, &self.config);
         self.is_well()
@@ -178,10 +142,7 @@ impl VulkanPanel {
 
     fn remake(&mut self) -> Turn {
         self.losses += 1;
-        if !self.pane.is_lasting() {
-            return Turn::Lost;
-        }
-        match self.pane.surface(&self.instance) {
+        match surface_of(&self.window, &self.instance) {
             Ok(surface) => {
                 self.surface = surface;
                 self.configure();
@@ -234,6 +195,10 @@ impl Panel for VulkanPanel {
     }
 }
 
+fn surface_of(window: &Arc<Window>, instance: &wgpu::Instance) -> Result<wgpu::Surface<'static>, String> {
+    instance.create_surface(Arc::clone(window)).map_err(|error| error.to_string())
+}
+
 /// Collects the errors that the driver reports.
 fn listen(device: &wgpu::Device) -> Arc<Trouble> {
     let trouble = Arc::new(Trouble::default());
@@ -260,4 +225,32 @@ fn configuration(format: wgpu::TextureFormat, [width, height]: [u32; 2]) -> wgpu
         alpha_mode: wgpu::CompositeAlphaMode::Auto,
         view_formats: Vec::new(),
     }
+}
+
+// The target of the presenter: a surface, or a stand-in for one in tests.
+
+/// Result of one wait for a refresh.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Turn {
+    /// There is a free image: show something.
+    Ready,
+    /// The image is available, but the surface was configured again.
+    Reconfigured,
+    /// No image can be shown now; ask again.
+    NotNow,
+    /// The surface was lost; it has been made again, or will be.
+    Lost,
+}
+
+/// A surface of images that a monitor takes one by one.
+pub(super) trait Panel {
+    /// Waits for a free image: a second at most.
+    fn turn(&mut self) -> Turn;
+
+    /// Shows the picture in the image of the last [`Turn::Ready`] or [`Turn::Reconfigured`]. `is_changed`: the greys
+    /// are not those of the last call.
+    fn show(&mut self, picture: &Picture, is_changed: bool);
+
+    /// Returns the first unrecoverable failure.
+    fn failure(&self) -> Option<String>;
 }

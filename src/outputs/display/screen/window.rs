@@ -7,8 +7,7 @@
 
 use crate::display::error::{Closing, DisplayError};
 use crate::display::monitor::{self, MonitorChoice, MonitorFacts};
-use crate::display::screen::placement::{Area, Placement, Verdict};
-use crate::display::screen::{plug::Plugs, state::State};
+use crate::display::screen::state::State;
 use base::{clock::Stopwatch, time::Span};
 use crossbeam_channel::{Sender, bounded};
 use std::sync::{Arc, OnceLock};
@@ -20,6 +19,11 @@ use winit::keyboard::{Key, NamedKey};
 use winit::platform::x11::{EventLoopBuilderExtX11, WindowAttributesExtX11};
 use winit::window::{Fullscreen, Window, WindowAttributes, WindowId};
 use winit::{application::ApplicationHandler, monitor::MonitorHandle};
+use x11rb::{
+    connection::Connection as _,
+    protocol::randr::{Connection, ConnectionExt as _},
+    rust_connection::RustConnection,
+};
 
 /// Longest wait for the event loop: a placement takes two seconds at most, twice.
 const LONGEST_WAIT: Duration = Duration::from_secs(10);
@@ -333,6 +337,113 @@ impl ApplicationHandler<Request> for Windows {
     }
 }
 
+// Whether a monitor is plugged in and switched on: asked of the X server itself, on a connection of its own.
+//
+// The window library keeps its list of monitors until the whole screen changes, and does not look at the plug.
+
+/// A connection to ask by.
+pub(super) struct Plugs {
+    server: RustConnection,
+    root: u32,
+}
+
+impl Plugs {
+    /// Connects to the server of `DISPLAY`; `None` when it does not let us.
+    pub(super) fn connect() -> Option<Self> {
+        let (server, screen) = x11rb::connect(None).ok()?;
+        let root = server.setup().roots.get(screen)?.root;
+        Some(Self { server, root })
+    }
+
+    /// Returns whether the output of this name is connected and shows something; `None` when the server does not say.
+    pub(super) fn is_in(&self, name: &str) -> Option<bool> {
+        let resources = self.server.randr_get_screen_resources_current(self.root).ok()?.reply().ok()?;
+        for output in resources.outputs {
+            let asked = self.server.randr_get_output_info(output, resources.config_timestamp).ok()?;
+            let info = asked.reply().ok()?;
+            if info.name == name.as_bytes() {
+                return Some(info.connection != Connection::DISCONNECTED && info.crtc != 0);
+            }
+        }
+        // An output that has gone altogether, as those of docks do.
+        Some(false)
+    }
+}
+
+// Whether a window has got where it was asked to be.
+//
+// Window managers move and resize a window some time after it is asked for, in several steps. A place counts when it
+// has been right for a while; a window that is not right in time is remade as one that no window manager touches.
+
+/// Looks in a row that must find the window right.
+const RIGHT_LOOKS: u32 = 5;
+/// Looks in all.
+const MOST_LOOKS: u32 = 50;
+
+/// A part of the desktop.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Area {
+    /// Its first pixel; `None` where it does not matter.
+    pub(super) origin_px: Option<[i32; 2]>,
+    /// Columns and rows.
+    pub(super) size_px: [u32; 2],
+}
+
+impl core::fmt::Display for Area {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let [w, h] = self.size_px;
+        write!(f, "{w} x {h} px")?;
+        match self.origin_px {
+            Some([x, y]) => write!(f, " at {x}, {y}"),
+            None => f.write_str(" anywhere"),
+        }
+    }
+}
+
+/// Result of one look at the window.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Verdict {
+    /// The window may still reach its place.
+    Waiting,
+    /// The window is in its place to stay.
+    Settled,
+    /// The window does not reach its place.
+    Refused,
+}
+
+/// The looks at one window.
+#[derive(Debug)]
+pub(super) struct Placement {
+    wanted: Area,
+    looks: u32,
+    right: u32,
+}
+
+impl Placement {
+    /// Returns a window that is wanted there.
+    pub(super) fn new(wanted: Area) -> Self {
+        Self { wanted, looks: 0, right: 0 }
+    }
+
+    /// Returns where it is wanted.
+    pub(super) fn wanted(&self) -> Area {
+        self.wanted
+    }
+
+    /// Looks at where it is.
+    pub(super) fn look(&mut self, got: Area) -> Verdict {
+        let is_there = self.wanted.origin_px.is_none() || self.wanted.origin_px == got.origin_px;
+        let is_right = is_there && self.wanted.size_px == got.size_px;
+        self.looks += 1;
+        self.right = if is_right { self.right + 1 } else { 0 };
+        match (self.right >= RIGHT_LOOKS, self.looks >= MOST_LOOKS) {
+            (true, _) => Verdict::Settled,
+            (false, true) => Verdict::Refused,
+            (false, false) => Verdict::Waiting,
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -342,5 +453,39 @@ mod tests {
         let error = "os error at /home/me/.cargo/registry/src/winit-0.30.13/src/mod.rs:788: Failed to open X11 display";
         assert_eq!(without_source_path(error), "Failed to open X11 display");
         assert_eq!(without_source_path("no server"), "no server");
+    }
+}
+
+#[cfg(test)]
+mod placement_tests {
+    use super::*;
+
+    const SCREEN: Area = Area { origin_px: Some([0, 0]), size_px: [640, 480] };
+    const BELOW_A_TITLE: Area = Area { origin_px: Some([1, 18]), size_px: [640, 480] };
+
+    fn verdicts(wanted: Area, looks: impl IntoIterator<Item = Area>) -> Vec<Verdict> {
+        let mut placement = Placement::new(wanted);
+        looks.into_iter().map(|got| placement.look(got)).collect()
+    }
+
+    #[test]
+    fn a_place_counts_when_it_lasts() {
+        let moved = [SCREEN, SCREEN, BELOW_A_TITLE, SCREEN, SCREEN, SCREEN, SCREEN, SCREEN];
+        let verdicts = verdicts(SCREEN, moved);
+        assert_eq!(verdicts.iter().position(|verdict| *verdict == Verdict::Settled), Some(7));
+    }
+
+    #[test]
+    fn a_title_bar_that_stays_is_a_refusal() {
+        let verdicts = verdicts(SCREEN, [BELOW_A_TITLE; 50]);
+        assert_eq!((verdicts[48], verdicts[49]), (Verdict::Waiting, Verdict::Refused));
+    }
+
+    #[test]
+    fn a_plain_window_may_be_anywhere_but_has_its_size() {
+        let anywhere = Area { origin_px: None, ..SCREEN };
+        assert_eq!(verdicts(anywhere, [BELOW_A_TITLE; 5])[4], Verdict::Settled);
+        let small = Area { size_px: [639, 480], ..SCREEN };
+        assert_eq!(verdicts(anywhere, [small; 50])[49], Verdict::Refused);
     }
 }

@@ -1,11 +1,12 @@
 //! A camera that clients command: commands to the frame loop, and refusals.
 
 use super::{super::registers::SOURCES, *};
-use base::clock::Virtual;
+use base::{bayer::BayerPattern, clock::Virtual};
 use frames::camera_control::{
     AutoMode, CameraCommand, CameraEvent, CameraEventKind, CameraRange, CameraSettings, CommandSource, Commanded,
     DeskEnd, ExposureMode, Regions, StartSettings, TriggerOverlap, TriggerSource, TriggerSources, desk,
 };
+use frames::sink::crc32::Crc32;
 use std::sync::Arc;
 
 /// The time of the bench, which is not that of the machine.
@@ -29,6 +30,11 @@ fn commanded_by(start: StartSettings, has_line: bool) -> (Bench, DeskEnd) {
 }
 
 fn made(start: StartSettings, has_line: bool) -> (Bench, DeskEnd) {
+    let (commands, end) = params(start, has_line);
+    (Bench::with(&Params::default(), Some(commands)), end)
+}
+
+fn params(start: StartSettings, has_line: bool) -> (CommandParams, DeskEnd) {
     let (desk, end) = desk();
     let range = CameraRange {
         exposure: [Span::from_ns(20_000), Span::from_ms(500)],
@@ -41,8 +47,7 @@ fn made(start: StartSettings, has_line: bool) -> (Bench, DeskEnd) {
     let settings =
         CameraSettings { exposure: Span::from_ms(100), gain_db: 0.0, black_level_dn: 64.0, regions: Regions::WHOLE };
     let clock = Arc::new(Virtual::new(BENCH));
-    let commands = CommandParams { desk, range, settings, start, has_line, clock };
-    (Bench::with(&Params::default(), Some(commands)), end)
+    (CommandParams { desk, range, settings, start, has_line, clock }, end)
 }
 
 impl Bench {
@@ -53,6 +58,33 @@ impl Bench {
 
     pub(super) fn number(&mut self, address: u32) -> f64 {
         f64::from_be_bytes(self.memory(address, 8).try_into().unwrap())
+    }
+}
+
+#[test]
+fn xml_that_clients_read_is_byte_for_byte_the_frozen_one() {
+    let coloured = |commands| {
+        let sensor = SensorParams { colours: Some(BayerPattern::Rggb), ..sensor() };
+        Bench::of(&Params::default(), &sensor, commands)
+    };
+    let start = StartSettings::free_running(Span::from_ms(200));
+    let commands = || params(start, true).0;
+    for (name, mut bench, bytes, crc32) in [
+        ("read", bench(), 58_932, 0x6F5C_7291),
+        ("read, colours", coloured(None), 58_960, 0x87DD_16B5),
+        ("commanded", without_control().0, 70_072, 0x5AB3_2DAC),
+        ("commanded, line", made(start, true).0, 70_072, 0x72A4_F2C0),
+        ("commanded, line, colours", coloured(Some(commands())), 70_100, 0x16F3_CE4B),
+    ] {
+        let (_, mut text) = bench.xml(at::SECOND_URL);
+        let sum = |text: &[u8]| {
+            let mut crc = Crc32::default();
+            crc.update(text);
+            crc.value()
+        };
+        assert_eq!((text.len(), sum(&text)), (bytes, crc32), "{name}: a client finds other features");
+        text[900] ^= 1;
+        assert_ne!(sum(&text), crc32, "control: one bit");
     }
 }
 

@@ -61,7 +61,7 @@ fn pattern_changes_while_frames_are_acquired() {
     for (number, (_, pattern)) in (0..).zip(TestPattern::NAMED) {
         assert_eq!(bench.write(A, own::TEST_PATTERN, number), OK);
         assert_eq!(bench.device.stream().pattern, pattern);
-        assert_eq!(bench.device.shared().settings().pattern, pattern, "published to the stream");
+        assert_eq!(bench.device.camera.shared.settings().pattern, pattern, "published to the stream");
     }
     assert_eq!(bench.write(A, own::TEST_PATTERN, 8), 0x8002);
 }
@@ -71,7 +71,7 @@ fn temperature_is_that_of_the_newest_frame() {
     let mut bench = bench();
     let temperature = |bench: &mut Bench| f64::from_be_bytes(bench.memory(own::TEMPERATURE, 8).try_into().unwrap());
     assert!((temperature(&mut bench) - 20.0).abs() < f64::EPSILON, "of the configuration");
-    bench.device.shared().set_temperature_c(-12.5);
+    bench.device.camera.shared.set_temperature_c(-12.5);
     assert!((temperature(&mut bench) + 12.5).abs() < f64::EPSILON);
     bench.control();
     assert_eq!(bench.write(A, own::TEMPERATURE, 0), 0x8004);
@@ -81,12 +81,16 @@ fn temperature_is_that_of_the_newest_frame() {
 fn clock_is_asked_while_it_is_enabled_and_its_numbers_are_latched() {
     let mut bench = bench();
     bench.control();
-    assert_eq!((bench.read(A, own::PTP_STATUS), bench.device.wants_ptp()), (Ok(3), false), "disabled");
+    assert_eq!((bench.read(A, own::PTP_STATUS), bench.device.camera.wants_ptp()), (Ok(3), false), "disabled");
     assert_eq!(bench.write(A, own::PTP_ENABLE, 1), OK);
-    assert_eq!((bench.read(A, own::PTP_STATUS), bench.device.wants_ptp()), (Ok(1), true), "nothing is known yet");
+    assert_eq!(
+        (bench.read(A, own::PTP_STATUS), bench.device.camera.wants_ptp()),
+        (Ok(1), true),
+        "nothing is known yet"
+    );
     assert_eq!(bench.read(A, at::GVCP_CONFIGURATION), Ok(0x8_0000));
     let data = PtpData { offset_ns: -7, delay_ns: 900, clock_id: 0x0102_0304_0506_0708, ..PtpData::in_state(SLAVE) };
-    bench.device.note_ptp(data);
+    bench.device.camera.note_ptp(data);
     let long = |bench: &mut Bench, address| i64::from_be_bytes(bench.memory(address, 8).try_into().unwrap());
     assert_eq!(
         (bench.read(A, own::PTP_STATUS), bench.read(A, own::PTP_SERVO), bench.read(A, at::PTP_STATUS)),
@@ -94,11 +98,15 @@ fn clock_is_asked_while_it_is_enabled_and_its_numbers_are_latched() {
     );
     assert_eq!(long(&mut bench, own::PTP_OFFSET), 0, "before the latch");
     assert_eq!(bench.write(A, own::PTP_LATCH, 1), OK);
-    bench.device.note_ptp(PtpData::in_state(FAULTY));
+    bench.device.camera.note_ptp(PtpData::in_state(FAULTY));
     assert_eq!([own::PTP_OFFSET, own::PTP_DELAY].map(|address| long(&mut bench, address)), [-7, 900]);
     assert_eq!(long(&mut bench, own::PTP_CLOCK_ID), 0x0102_0304_0506_0708);
     assert_eq!((bench.read(A, own::PTP_STATUS), bench.read(A, own::PTP_SERVO)), (Ok(2), Ok(0)), "of now");
     assert_eq!(bench.write(A, at::GVCP_CONFIGURATION, 0), OK);
-    assert_eq!((bench.read(A, own::PTP_ENABLE), bench.device.wants_ptp()), (Ok(0), false), "by the other register");
+    assert_eq!(
+        (bench.read(A, own::PTP_ENABLE), bench.device.camera.wants_ptp()),
+        (Ok(0), false),
+        "by the other register"
+    );
     assert_eq!(bench.write(A, own::PTP_ENABLE, 2), 0x8002);
 }
