@@ -14,12 +14,12 @@ mod commander;
 mod values;
 
 use crate::network_camera::control::Change;
-use crate::network_camera::counters::{Counters, Tally};
+use crate::network_camera::counters::Counters;
 use crate::network_camera::features::{at, own};
 use crate::network_camera::gvcp::{self, Action, Command, Malformed, Resend, Status};
-use crate::network_camera::gvsp::{IP_UDP_BYTES, StreamSettings};
+use crate::network_camera::gvsp::StreamSettings;
 use crate::network_camera::messages::{Channel, Messages};
-use crate::network_camera::params::{CommandParams, DeviceParams, PACKET_BYTES_MIN, Params, SensorParams, XmlForm};
+use crate::network_camera::params::{CommandParams, DeviceParams, Params, SensorParams, XmlForm};
 use crate::network_camera::registers::{
     FIRST_XML, HEARTBEAT_MS, Memory, SECOND_XML, XmlView, write_bootstrap, write_features, write_settings, write_urls,
 };
@@ -41,8 +41,7 @@ const URLS_END: u32 = at::SECOND_URL + 0x200;
 const DISCOVERY_BYTES: usize = 0xF8;
 /// Bytes of a word of memory.
 const WORD_BYTES: u16 = 4;
-/// Bits of the packet size register.
-const FIRE_TEST: u32 = 0x8000_0000;
+/// Bit of the packet size register.
 const DO_NOT_FRAGMENT: u32 = 0x4000_0000;
 /// Longest pause between packets that is kept, ns.
 const DELAY_MOST_NS: u32 = 10_000_000;
@@ -141,28 +140,28 @@ impl Device {
         out.reply.clear();
         (out.test_packet, out.resend) = (None, None);
         if !self.access.is_neighbour(*from.ip()) {
-            return self.tally().strangers.one();
+            return self.camera.shared.tally.strangers.one();
         }
         let request = match gvcp::parse(bytes) {
             Ok(request) => request,
-            Err(reason) => return self.tally().malformed(reason),
+            Err(reason) => return self.camera.shared.tally.malformed(reason),
         };
         if is_broadcast && !request.command.may_be_broadcast() {
-            return self.tally().broadcasts_ignored.one();
+            return self.camera.shared.tally.broadcasts_ignored.one();
         }
         self.access.control.take_in(from, now);
-        self.take_events();
+        self.camera.take_events(&mut self.messages);
         self.camera.values.memory.set_long(own::TEMPERATURE, self.camera.shared.temperature_bits());
         if let Some(reply) = self.access.last_change.answer_to(from, bytes, now) {
             out.reply.extend(reply);
-            return self.tally().repeats.one();
+            return self.camera.shared.tally.repeats.one();
         }
         gvcp::begin_answer(request.code, request.id, &mut out.reply);
         let is_silent = self.is_silent(&request.command);
         let is_change = request.command.is_change() && !is_silent;
         let status = self.carry_out(request.command, Sent { from, now }, out);
         if status != Status::Success {
-            self.tally().commands_refused.one();
+            self.camera.shared.tally.commands_refused.one();
         }
         gvcp::end_answer(status, &mut out.reply);
         if is_silent || !request.wants_answer {
@@ -177,12 +176,12 @@ impl Device {
 
     /// Lets time pass: a controller that has been silent for too long loses control, and its stream ends.
     pub fn tick(&mut self, now: Tai) {
-        self.take_events();
+        self.camera.take_events(&mut self.messages);
         let asked_ms = self.camera.values.memory.word(at::HEARTBEAT_MS);
         let is_proven = self.access.is_controller_proven();
         let timeout = Span::from_ms(i64::from(if is_proven { asked_ms } else { asked_ms.min(HEARTBEAT_MS) }));
         if self.access.control.time_out(now, timeout) {
-            self.tally().controllers_timed_out.one();
+            self.camera.shared.tally.controllers_timed_out.one();
             self.access.last_change.forget();
             self.release();
             self.camera.publish();
@@ -202,21 +201,13 @@ impl Device {
         self.camera.stream()
     }
 
-    /// Puts what the camera has chosen for itself into its registers, and events that the client wants into its
-    /// messages.
-    fn take_events(&mut self) {
-        let Some(commander) = &self.camera.commander else { return };
-        for event in commander.params.desk.events() {
-            self.messages.push(event, &self.camera.shared.tally);
-            self.camera.values.take_in(event.kind);
-        }
-    }
-
     /// Returns true for requests that are never answered: those to send again, and those for other devices.
     fn is_silent(&self, command: &Command<'_>) -> bool {
         match command {
             Command::Resend(_) => true,
-            Command::Action(action) => !self.is_meant(*action) || self.access.control.controller().is_none(),
+            Command::Action(action) => {
+                !is_meant(&self.camera.values.memory, *action) || self.access.control.controller().is_none()
+            }
             Command::ForceAddress { mac, .. } => *mac != self.access.place.mac,
             Command::Discovery
             | Command::ReadRegisters(_)
@@ -230,14 +221,14 @@ impl Device {
     fn carry_out(&mut self, command: Command<'_>, sent: Sent, out: &mut Answer) -> Status {
         let done = match command {
             Command::Bad(reason) => {
-                self.tally().malformed(reason);
+                self.camera.shared.tally.malformed(reason);
                 let is_unknown = reason == Malformed::UnknownCommand;
                 Err(if is_unknown { Status::NotImplemented } else { Status::InvalidParameter })
             }
             Command::Discovery => {
-                self.tally().discoveries.one();
+                self.camera.shared.tally.discoveries.one();
                 let may_reply = self.access.may_reply_at_length(sent.from, sent.now);
-                let known = may_reply.and_then(|()| self.memory().read(0, DISCOVERY_BYTES));
+                let known = may_reply.and_then(|()| self.camera.values.memory.read(0, DISCOVERY_BYTES));
                 known.map(|bytes| out.reply.extend(bytes))
             }
             Command::Resend(resend) => {
@@ -264,7 +255,7 @@ impl Device {
         self.access.control.may_read(sent.from, &self.access.proof)?;
         for address in addresses {
             let place = self.place_in_memory(number(address), sent)?;
-            reply.extend(self.memory().read(place, 4)?);
+            reply.extend(self.camera.values.memory.read(place, 4)?);
         }
         Ok(())
     }
@@ -273,7 +264,7 @@ impl Device {
         self.access.control.may_read(sent.from, &self.access.proof)?;
         let place = self.place_in_memory(address, sent)?;
         self.access.may_reply_at_length(sent.from, sent.now)?;
-        let data = self.memory().read(place, bytes)?;
+        let data = self.camera.values.memory.read(place, bytes)?;
         reply.extend(address.to_be_bytes());
         reply.extend(data);
         Ok(())
@@ -341,14 +332,14 @@ impl Device {
             at::STREAM_PORT | at::MESSAGE_PORT => value & 0xFFFF,
             at::STREAM_ADDRESS | at::MESSAGE_ADDRESS if may_receive() => value,
             at::STREAM_ADDRESS | at::MESSAGE_ADDRESS => return Err(Status::InvalidParameter),
-            at::PACKET_SIZE => return self.write_packet_size(value, out),
+            at::PACKET_SIZE => return self.access.set_packet_size(value, &mut self.camera.values.memory, out),
             at::PACKET_DELAY => value.min(DELAY_MOST_NS),
             at::MESSAGE_TIMEOUT => value.min(MESSAGE_TIMEOUT_MOST_MS),
             at::MESSAGE_RETRIES => value.min(MESSAGE_RETRIES_MOST),
             at::TIMESTAMP_CONTROL => {
                 if value & LATCH != 0 {
                     let now = self.camera.bench_time(sent.now);
-                    self.memory_mut().set_long(at::TIMESTAMP, u64::try_from(now.ns()).unwrap_or_default());
+                    self.camera.values.memory.set_long(at::TIMESTAMP, u64::try_from(now.ns()).unwrap_or_default());
                 }
                 return Ok(());
             }
@@ -359,29 +350,31 @@ impl Device {
             own::SENSOR_WIDTH..own::END => {
                 self.access.must_be_proven()?;
                 return match address {
-                    own::EVENT_SELECTOR | own::EVENT_NOTIFICATION => self.write_event(address, value),
+                    own::EVENT_SELECTOR | own::EVENT_NOTIFICATION => {
+                        self.camera.write_event(address, value, &mut self.messages)
+                    }
                     own::DEVICE_RESET => self.reset(sent.now),
                     _ => self.camera.write(address, value, sent.now),
                 };
             }
-            _ => return self.memory().read(address, 4).and(Err(Status::WriteProtect)),
+            _ => return self.camera.values.memory.read(address, 4).and(Err(Status::WriteProtect)),
         };
-        self.memory_mut().set(address, kept);
+        self.camera.values.memory.set(address, kept);
         Ok(())
     }
 
     fn write_control(&mut self, value: u32, Sent { from, now }: Sent) -> Result<(), Status> {
         let change = self.access.control.request(from, value, now, &self.access.proof);
         match change {
-            Ok(Change::Taken) => self.tally().controllers_accepted.one(),
+            Ok(Change::Taken) => self.camera.shared.tally.controllers_accepted.one(),
             Ok(Change::Displaced) => {
-                self.tally().controllers_accepted.one();
+                self.camera.shared.tally.controllers_accepted.one();
                 self.access.last_change.forget();
                 self.release();
             }
             Ok(Change::Released) => self.release(),
             Ok(Change::Kept) => {}
-            Err(Status::AccessDenied) => self.tally().controllers_refused.one(),
+            Err(Status::AccessDenied) => self.camera.shared.tally.controllers_refused.one(),
             Err(_) => {}
         }
         if change.is_ok() {
@@ -390,45 +383,17 @@ impl Device {
             for (register, value) in
                 [(at::CONTROL, value), (at::CONTROLLER_PORT, port), (at::CONTROLLER_ADDRESS, address)]
             {
-                self.memory_mut().set(register, value);
+                self.camera.values.memory.set(register, value);
             }
         }
         change.map(|_| ())
     }
 
-    /// Sets the packet size within the limit of the interface. A test packet is sent only at a size that can get
-    /// through, and only to a client that has proven its address.
-    fn write_packet_size(&mut self, value: u32, out: &mut Answer) -> Result<(), Status> {
-        if value & FIRE_TEST != 0 {
-            self.access.must_be_proven()?;
-        }
-        let (asked, most) = (value & 0xFFFF, self.access.place.packet_bytes_max);
-        let size = asked.min(most).max(PACKET_BYTES_MIN) & !3;
-        self.memory_mut().set(at::PACKET_SIZE, value & DO_NOT_FRAGMENT | size);
-        let port = u16::try_from(self.memory().word(at::STREAM_PORT)).unwrap_or_default();
-        let to = SocketAddrV4::new(Ipv4Addr::from_bits(self.memory().word(at::STREAM_ADDRESS)), port);
-        if value & FIRE_TEST != 0 && asked <= most && port != 0 && !to.ip().is_unspecified() {
-            let bytes = usize::try_from(asked).unwrap_or_default().saturating_sub(IP_UDP_BYTES);
-            out.test_packet = Some((to, bytes));
-        }
-        Ok(())
-    }
-
-    fn write_event(&mut self, address: u32, value: u32) -> Result<(), Status> {
-        self.camera.check(address, value)?;
-        let memory = &mut self.camera.values.memory;
-        if address == own::EVENT_NOTIFICATION {
-            self.messages.want(memory.word(own::EVENT_SELECTOR), value == 1);
-        }
-        memory.set(address, value);
-        memory.set(own::EVENT_NOTIFICATION, self.messages.is_wanted(memory.word(own::EVENT_SELECTOR)));
-        Ok(())
-    }
-
     /// Returns where messages go; `None` as long as the client has not said, or has not proven its address.
     fn message_receiver(&self) -> Option<SocketAddrV4> {
-        let port = u16::try_from(self.memory().word(at::MESSAGE_PORT) & 0xFFFF).ok().filter(|port| *port != 0)?;
-        let address = Ipv4Addr::from_bits(self.memory().word(at::MESSAGE_ADDRESS));
+        let port =
+            u16::try_from(self.camera.values.memory.word(at::MESSAGE_PORT) & 0xFFFF).ok().filter(|port| *port != 0)?;
+        let address = Ipv4Addr::from_bits(self.camera.values.memory.word(at::MESSAGE_ADDRESS));
         let is_known = !address.is_unspecified() && self.access.is_controller_proven();
         is_known.then(|| SocketAddrV4::new(address, port))
     }
@@ -441,8 +406,8 @@ impl Device {
     /// Writes the message that is to be sent now into `out`; its receiver, `None` for none.
     pub fn message(&mut self, now: Tai, out: &mut Vec<u8>) -> Option<SocketAddrV4> {
         let receiver = self.message_receiver()?;
-        let timeout = Span::from_ms(self.memory().word(at::MESSAGE_TIMEOUT).into());
-        let channel = Channel { timeout, retries: self.memory().word(at::MESSAGE_RETRIES) };
+        let timeout = Span::from_ms(self.camera.values.memory.word(at::MESSAGE_TIMEOUT).into());
+        let channel = Channel { timeout, retries: self.camera.values.memory.word(at::MESSAGE_RETRIES) };
         self.messages.next(channel, now, &self.camera.shared.tally, out).then_some(receiver)
     }
 
@@ -453,14 +418,8 @@ impl Device {
         }
     }
 
-    fn is_meant(&self, action: Action) -> bool {
-        action.device_key == self.memory().word(at::ACTION_DEVICE_KEY)
-            && action.group_key == self.memory().word(at::ACTION_GROUP_KEY)
-            && action.group_mask & self.memory().word(at::ACTION_GROUP_MASK) != 0
-    }
-
     fn act(&mut self, action: Action, now: Tai) -> Result<(), Status> {
-        if !self.is_meant(action) || !self.access.is_controller_proven() {
+        if !is_meant(&self.camera.values.memory, action) || !self.access.is_controller_proven() {
             return Ok(());
         }
         let now = self.camera.bench_time(now);
@@ -499,24 +458,19 @@ impl Device {
             own::PARAMETERS_LOCKED,
             own::EVENT_NOTIFICATION,
         ] {
-            self.memory_mut().set(address, 0);
+            self.camera.values.memory.set(address, 0);
         }
-        self.memory_mut().set(at::HEARTBEAT_MS, HEARTBEAT_MS);
-    }
-
-    fn memory(&self) -> &Memory {
-        &self.camera.values.memory
-    }
-
-    fn memory_mut(&mut self) -> &mut Memory {
-        &mut self.camera.values.memory
-    }
-
-    fn tally(&self) -> &Tally {
-        &self.camera.shared.tally
+        self.camera.values.memory.set(at::HEARTBEAT_MS, HEARTBEAT_MS);
     }
 }
 
 fn number(bytes: &[u8; 4]) -> u32 {
     u32::from_be_bytes(*bytes)
+}
+
+/// Returns true for an action that has a key of this device and one of its groups.
+fn is_meant(memory: &Memory, action: Action) -> bool {
+    action.device_key == memory.word(at::ACTION_DEVICE_KEY)
+        && action.group_key == memory.word(at::ACTION_GROUP_KEY)
+        && action.group_mask & memory.word(at::ACTION_GROUP_MASK) != 0
 }

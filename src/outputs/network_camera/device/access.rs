@@ -1,8 +1,11 @@
 //! Who may read and write, and whom frames and messages may be sent to.
 
+use super::{Answer, DO_NOT_FRAGMENT};
 use crate::network_camera::control::{Control, LastChange};
-use crate::network_camera::params::{DeviceParams, Params};
-use crate::network_camera::{counters::Tally, gvcp::Status, proof::Proof};
+use crate::network_camera::features::at;
+use crate::network_camera::gvsp::IP_UDP_BYTES;
+use crate::network_camera::params::{DeviceParams, PACKET_BYTES_MIN, Params};
+use crate::network_camera::{counters::Tally, gvcp::Status, proof::Proof, registers::Memory};
 use base::time::Tai;
 use std::net::{Ipv4Addr, SocketAddrV4};
 use std::sync::Arc;
@@ -11,6 +14,8 @@ use std::sync::Arc;
 const HEARTBEAT_MOST_MS: u32 = 600_000;
 /// The same when other machines reach the camera: a client that is gone, or was forged, blocks others no longer.
 const HEARTBEAT_MOST_EXPOSED_MS: u32 = 30_000;
+/// Bit of the packet size register that sends a test packet.
+const FIRE_TEST: u32 = 0x8000_0000;
 
 pub(super) struct Access {
     pub(super) control: Control,
@@ -69,6 +74,24 @@ impl Access {
 
     pub(super) fn heartbeat_most_ms(&self) -> u32 {
         if self.place.address.is_loopback() { HEARTBEAT_MOST_MS } else { HEARTBEAT_MOST_EXPOSED_MS }
+    }
+
+    /// Sets the packet size within the limit of the interface. A test packet is sent only at a size that can get
+    /// through, and only to a client that has proven its address.
+    pub(super) fn set_packet_size(&self, value: u32, memory: &mut Memory, out: &mut Answer) -> Result<(), Status> {
+        if value & FIRE_TEST != 0 {
+            self.must_be_proven()?;
+        }
+        let (asked, most) = (value & 0xFFFF, self.place.packet_bytes_max);
+        let size = asked.min(most).max(PACKET_BYTES_MIN) & !3;
+        memory.set(at::PACKET_SIZE, value & DO_NOT_FRAGMENT | size);
+        let port = u16::try_from(memory.word(at::STREAM_PORT)).unwrap_or_default();
+        let to = SocketAddrV4::new(Ipv4Addr::from_bits(memory.word(at::STREAM_ADDRESS)), port);
+        if value & FIRE_TEST != 0 && asked <= most && port != 0 && !to.ip().is_unspecified() {
+            let bytes = usize::try_from(asked).unwrap_or_default().saturating_sub(IP_UDP_BYTES);
+            out.test_packet = Some((to, bytes));
+        }
+        Ok(())
     }
 
     /// Refuses a change of the machine's address; asking for the present one does no harm.

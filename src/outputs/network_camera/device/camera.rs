@@ -4,6 +4,7 @@
 use super::{PTP_ON, SOURCE_SOFTWARE, commander::Commander, commander::is_commanded, values::Values};
 use crate::network_camera::acquisition::{Acquisition, Mode};
 use crate::network_camera::features::{USER_SETS, at, own};
+use crate::network_camera::messages::Messages;
 use crate::network_camera::ptp::{DISABLED, INITIALIZING, PtpData, SLAVE};
 use crate::network_camera::{
     feature::Feature, gvcp::Status, gvsp::StreamSettings, registers::ONE_IN_MOST, shared::Shared,
@@ -73,7 +74,7 @@ impl Camera {
     }
 
     /// Refuses what the table of features does not allow.
-    pub(super) fn check(&self, address: u32, value: u32) -> Result<(), Status> {
+    fn check(&self, address: u32, value: u32) -> Result<(), Status> {
         let feature = Feature::written_at(address, self.commander.is_some()).ok_or(Status::WriteProtect)?;
         if feature.is_locked_by_acquisition() && self.is_running() {
             return Err(Status::Busy);
@@ -135,6 +136,28 @@ impl Camera {
         self.values.keep_region();
         self.values.measure_payload();
         self.show_rate_range();
+        Ok(())
+    }
+
+    /// Puts what the camera has chosen for itself into its registers, and events that the client wants into its
+    /// messages.
+    pub(super) fn take_events(&mut self, messages: &mut Messages) {
+        let Some(commander) = &self.commander else { return };
+        for event in commander.params.desk.events() {
+            messages.push(event, &self.shared.tally);
+            self.values.take_in(event.kind);
+        }
+    }
+
+    /// Carries out a write to the registers of events.
+    pub(super) fn write_event(&mut self, address: u32, value: u32, messages: &mut Messages) -> Result<(), Status> {
+        self.check(address, value)?;
+        let memory = &mut self.values.memory;
+        if address == own::EVENT_NOTIFICATION {
+            messages.want(memory.word(own::EVENT_SELECTOR), value == 1);
+        }
+        memory.set(address, value);
+        memory.set(own::EVENT_NOTIFICATION, messages.is_wanted(memory.word(own::EVENT_SELECTOR)));
         Ok(())
     }
 
