@@ -6,85 +6,49 @@
 use crate::accuracy::AccuracyBudget;
 use core::fmt;
 
-/// Origin of the attitude of an exposure.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum PathOrigin {
-    /// Between two received samples.
-    Interpolated,
-    /// Beyond the last received sample, by its rate and acceleration.
-    Predicted,
-    /// The stream stopped: last attitude held by policy.
-    Held,
-    /// Given by the user (`render`), not by a bus.
-    Commanded,
-    /// Nothing received yet: no attitude at all.
-    Absent,
-    /// A test pattern took the place of the image.
-    TestPattern,
-}
-
-impl PathOrigin {
-    /// Returns the name in files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Interpolated => "interpolated",
-            Self::Predicted => "predicted",
-            Self::Held => "held",
-            Self::Commanded => "commanded",
-            Self::Absent => "none",
-            Self::TestPattern => "test_pattern",
-        }
+crate::words! {
+    /// Origin of the attitude of an exposure.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub enum PathOrigin {
+        /// Between two received samples.
+        Interpolated = "interpolated",
+        /// Beyond the last received sample, by its rate and acceleration.
+        Predicted = "predicted",
+        /// The stream stopped: last attitude held by policy.
+        Held = "held",
+        /// Given by the user (`render`), not by a bus.
+        Commanded = "commanded",
+        /// Nothing received yet: no attitude at all.
+        Absent = "none",
+        /// A test pattern took the place of the image.
+        TestPattern = "test_pattern",
     }
 }
 
-/// A method without its parameter.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum MethodName {
-    /// The PSF at the mean position.
-    Static,
-    /// PSF convolved with a Gaussian of the path's covariance.
-    Gaussian,
-    /// Gauss-Legendre nodes in time, per star.
-    GaussLegendre,
-    /// Straight segments of equal time, per star.
-    Segments,
-    /// Gauss-Legendre nodes in time between the corners of a path, per star.
-    Corners,
-    /// Samples in time, per star.
-    Samples,
-    /// PSF convolved with the path once per frame.
-    EffectivePsf,
-    /// PSF convolved with the path at the corners of a grid of zones.
-    ZonalPsf,
+crate::words! {
+    /// A method without its parameter.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+    pub enum MethodName {
+        /// The PSF at the mean position.
+        Static = "static",
+        /// PSF convolved with a Gaussian of the path's covariance.
+        Gaussian = "gaussian",
+        /// Gauss-Legendre nodes in time, per star.
+        GaussLegendre = "gauss-legendre",
+        /// Straight segments of equal time, per star.
+        Segments = "segments",
+        /// Gauss-Legendre nodes in time between the corners of a path, per star.
+        Corners = "corners",
+        /// Samples in time, per star.
+        Samples = "samples",
+        /// PSF convolved with the path once per frame.
+        EffectivePsf = "effective-psf",
+        /// PSF convolved with the path at the corners of a grid of zones.
+        ZonalPsf = "zonal-psf",
+    }
 }
 
 impl MethodName {
-    /// All methods.
-    pub const ALL: [Self; 8] = [
-        Self::Static,
-        Self::Gaussian,
-        Self::GaussLegendre,
-        Self::Segments,
-        Self::Corners,
-        Self::Samples,
-        Self::EffectivePsf,
-        Self::ZonalPsf,
-    ];
-
-    /// Returns the name used in files and commands.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Static => "static",
-            Self::Gaussian => "gaussian",
-            Self::GaussLegendre => "gauss-legendre",
-            Self::Segments => "segments",
-            Self::Corners => "corners",
-            Self::Samples => "samples",
-            Self::EffectivePsf => "effective-psf",
-            Self::ZonalPsf => "zonal-psf",
-        }
-    }
-
     /// Returns true when a number of nodes (of segments, for segments) can be specified.
     pub fn takes_number(self) -> bool {
         !matches!(self, Self::Static | Self::Gaussian)
@@ -113,43 +77,29 @@ impl FrameMethod {
     }
 }
 
-/// Degradation of a frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
-pub enum Degradation {
-    /// No degradation.
-    #[default]
-    Full,
-    /// Stars whose light stays below half a sigma of the noise in every pixel are left out.
-    FaintStarsOut,
-    /// Errors may be three times the budget.
-    Budget3,
-    /// Errors may be ten times the budget.
-    Budget10,
-    /// Every star is drawn at its mean position: motion in the exposure is given up.
-    MotionOut,
-    /// Only as many of the brightest stars as fit the time.
-    BrightStarsOnly,
+crate::words! {
+    /// Degradation of a frame.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
+    pub enum Degradation {
+        /// No degradation.
+        #[default]
+        Full = "full",
+        /// Stars whose light stays below half a sigma of the noise in every pixel are left out.
+        FaintStarsOut = "faint-stars-out",
+        /// Errors may be three times the budget.
+        Budget3 = "budget-x3",
+        /// Errors may be ten times the budget.
+        Budget10 = "budget-x10",
+        /// Every star is drawn at its mean position: motion in the exposure is given up.
+        MotionOut = "motion-out",
+        /// Only as many of the brightest stars as fit the time.
+        BrightStarsOnly = "bright-stars-only",
+    }
 }
 
 impl Degradation {
     /// The default limit: levels beyond it leave out motion, or stars that are visible.
     pub const LAST_BY_DEFAULT: Self = Self::Budget10;
-
-    /// All levels, best first.
-    pub const ALL: [Self; 6] =
-        [Self::Full, Self::FaintStarsOut, Self::Budget3, Self::Budget10, Self::MotionOut, Self::BrightStarsOnly];
-
-    /// Returns the name in files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Full => "full",
-            Self::FaintStarsOut => "faint-stars-out",
-            Self::Budget3 => "budget-x3",
-            Self::Budget10 => "budget-x10",
-            Self::MotionOut => "motion-out",
-            Self::BrightStarsOnly => "bright-stars-only",
-        }
-    }
 
     /// Describes in words the loss of this level.
     pub fn gives_up(self) -> &'static str {

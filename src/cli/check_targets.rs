@@ -192,7 +192,7 @@ fn write_moment(text: &mut String, params: &RunParams, moment: &Moment) -> Resul
 
 fn name_of(orbit: &Orbit) -> String {
     match orbit {
-        Orbit::Sgp4(orbit) => orbit.norad_id().to_string(),
+        Orbit::Sgp4(orbit) => orbit.norad_id.to_string(),
         Orbit::Circular(_) => "circular".into(),
         Orbit::TwoBody(_) => "two_body".into(),
     }

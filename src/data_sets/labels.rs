@@ -10,7 +10,7 @@ use anyhow::Result;
 use base::source_id::{GaiaRelease, SourceId};
 use frames::sink::{TruthKind, TruthStar};
 use serde_json::{Map, Value, json};
-use stars::hipparcos::hipparcos_of_gaia;
+use stars::numbering::hipparcos_of_gaia;
 
 /// A cell before it is in a column.
 #[derive(Debug, Clone, PartialEq)]

@@ -7,7 +7,7 @@
 //! frame with one of them changed in `tests/night_sky`.
 
 use base::source_id::{GaiaRelease, SourceId};
-use stars::hipparcos::hipparcos_of_gaia;
+use stars::numbering::hipparcos_of_gaia;
 
 /// The stars, in the order of their numbers.
 const TABLE: &str = include_str!("variables.csv");

@@ -6,8 +6,8 @@ use image::detector::charge_transfer::{ChargeTransfer, OutputCorner};
 use image::detector::protons::{ProtonDirection, ProtonFlux};
 use image::detector::{Background, DetectorParams, LinePattern, Nonlinearity, Rounding, RowNoise};
 use image::detector::{
-    blooming::Blooming, colour_filter::ColourFilter, defects::population::DefectPopulation, image_lag::ImageLag,
-    tdi::Tdi, window::Window,
+    blooming::Blooming, defects::population::DefectPopulation, image_lag::ImageLag, pattern::ColourFilter, tdi::Tdi,
+    window::Window,
 };
 use plan::exposure::{Instrument, Target, TargetCurve, TargetPath, TargetWay};
 use plan::optics::{Illumination, PsfModel};

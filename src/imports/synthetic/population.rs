@@ -8,7 +8,7 @@ use super::star::{LayerDraw, SPHERE_DEG2};
 use base::{random::key, refused::Refused, source::direction_from_ra_dec};
 use glam::DVec3;
 use rayon::prelude::*;
-use stars::cover::CIRCLE;
+use stars::healpix::CIRCLE;
 use stars::layer::{
     Head, LayerReport, LayerWriter, NewStar, StarRecord, UnnamedLayer, layer_name, order_for, tile_records, tiles_of,
 };

@@ -5,7 +5,7 @@ use base::axes::{Rotation, Sensor, ra_dec_roll};
 use base::{drawn::FrameMethod, time::Span};
 use frames::camera_control::CameraSettings;
 use frames::sink::{ActiveFaults, FaultFlags, FrameMeta};
-use image::detector::{Seeds, levels::Levels};
+use image::{detector::Seeds, detector::readout::Levels};
 use plan::attitude::LosPath;
 use plan::exposure::ExposurePlan;
 

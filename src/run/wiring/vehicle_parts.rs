@@ -10,7 +10,7 @@ use base::units::{ARCSEC, DEG};
 use config::{self, Bench, Camera, JitterSource, Observer, Pointing, Scenario, TrackerCommands, Vehicle};
 use frames::camera_control::{EXPOSURE_LEAST, longest_exposure_s};
 use glam::{DMat3, DVec3};
-use image::detector::levels::Levels;
+use image::detector::readout::Levels;
 use plan::optics::mtf::MtfChain;
 use testbed::acs::{AcsParams, Gains, KeepOut, SafeParams, SlewLimits, StructuralFilter, Thresholds, UnloadParams};
 use testbed::estimator::MekfParams;
