@@ -5,7 +5,7 @@
 Source: JPL's planetary ephemeris DE421 (Folkner, Williams and Boggs 2009, IPN Progress Report 42-178), as the package
 skyfield-data 7.0.0 carries it (de421.bsp); JPL ephemerides are works of the US government and in the public domain.
 Needs: numpy, jplephem, skyfield-data. The Moon is geocentric, planets (systems' barycentres) are heliocentric, in ICRF
-axes, km; time is TDB, days since J2000.0. The layout is described in src/sky/ephemeris/table.rs. With --check the file that
+axes, km; time is TDB, days since J2000.0. The layout is described in src/sky/ephemeris/mod.rs. With --check the file that
 is there must be the one that would be written.
 """
 

@@ -14,7 +14,6 @@ pub mod file_lock;
 pub mod fused;
 pub mod image;
 pub mod input_file;
-mod leap;
 pub mod least_squares;
 pub mod memory;
 pub mod patience;

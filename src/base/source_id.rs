@@ -2,6 +2,7 @@
 //!
 //! The text form reads back to the same name. A star of a catalog of one's own has its plain number. Tests: below.
 
+use crate::refused::Refused;
 use core::{fmt, str::FromStr};
 
 /// A star's name in its source catalog.
@@ -47,18 +48,10 @@ impl fmt::Display for SourceId {
     }
 }
 
-/// Text that is not the name of a star.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("wanted a name such as Gaia DR3 4472832130942575872, HIP 87937, TYC 1-13-1 or a number, got \"{got}\"")]
-pub struct NoSourceId {
-    /// The text.
-    pub got: String,
-}
-
 impl FromStr for SourceId {
-    type Err = NoSourceId;
+    type Err = Refused;
 
-    fn from_str(text: &str) -> Result<Self, NoSourceId> {
+    fn from_str(text: &str) -> Result<Self, Refused> {
         let gaia = || {
             let (release, rest) =
                 GaiaRelease::NAMED.iter().find_map(|(release, name)| Some((*release, text.strip_prefix(name)?)))?;
@@ -75,7 +68,11 @@ impl FromStr for SourceId {
             }
         };
         let own = || text.parse().ok().map(Self::Own);
-        gaia().or_else(hipparcos).or_else(tycho).or_else(own).ok_or_else(|| NoSourceId { got: text.into() })
+        gaia().or_else(hipparcos).or_else(tycho).or_else(own).ok_or_else(|| {
+            Refused(format!(
+                "wanted a name such as Gaia DR3 4472832130942575872, HIP 87937, TYC 1-13-1 or a number, got \"{text}\""
+            ))
+        })
     }
 }
 

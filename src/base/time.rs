@@ -3,7 +3,7 @@
 //! | scale | relation | functions |
 //! |---|---|---|
 //! | TAI, PTP | the same count, by definition of the PTP epoch (IEEE 1588) | `ns`, `from_ns` |
-//! | UTC | TAI less leap seconds (table in `base::leap`) | `from_rfc3339`, `to_rfc3339` |
+//! | UTC | TAI less leap seconds (table below) | `from_rfc3339`, `to_rfc3339` |
 //! | Unix | UTC without its leap seconds | `to_unix_ns`, `from_unix_ns`, `unix_s` |
 //! | TT | TAI + 32.184 s, exactly (IAU 1991) | `to_tt_ns`, `from_tt_ns` |
 //! | TDB | TT and 1.66 ms of one sine of the year (by `hifitime`; 60 us are left out: 2 m of the Earth's way) | `days_tdb_since_j2000` |
@@ -12,8 +12,13 @@
 //! *Inside a leap second.* UTC text has 23:59:60. Unix time has no such second: it repeats the first one of the next
 //! day (the rule of POSIX), and of the two instants of a repeated count [`Tai::from_unix_ns`] gives the later.
 //! Range: years 1678 to 2262; UTC before 1972 is counted as TAI.
+//!
+//! *Table of leap seconds, TAI - UTC.* Source: IERS Bulletin C (C 52 of 2016 is the last that announced one; C 70 says
+//! that there is none up to the end of 2025, and none has been announced since). The table is written out because what
+//! a library has must be exact in the last minute before a leap second as well, where `hifitime` 4.3 gives UTC a second
+//! early. Before 1972 UTC ran at another rate: here it is TAI.
 
-use crate::leap;
+use crate::refused::Refused;
 use crate::units::{DAY_S, JULIAN_YEAR_D, NS_PER_S};
 use core::fmt;
 use core::ops::{Add, Sub};
@@ -35,15 +40,6 @@ pub struct Tai {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
 pub struct Span {
     ns: i64,
-}
-
-/// Text that is not an RFC 3339 instant.
-#[derive(Debug, thiserror::Error)]
-#[error("not a time: got \"{got}\", wanted RFC 3339 such as 2026-03-01T12:00:00Z{why}")]
-pub struct TimeError {
-    got: String,
-    /// A clause; empty where the form of the text is wrong.
-    why: &'static str,
 }
 
 impl Span {
@@ -97,8 +93,9 @@ impl Tai {
     ///
     /// # Errors
     /// When the text is not such an instant, with the text and the reason.
-    pub fn from_rfc3339(text: &str) -> Result<Self, TimeError> {
-        let refuse = |why| TimeError { got: text.into(), why };
+    pub fn from_rfc3339(text: &str) -> Result<Self, Refused> {
+        let refuse =
+            |why| Refused(format!("not a time: got \"{text}\", wanted RFC 3339 such as 2026-03-01T12:00:00Z{why}"));
         // The second 60 of a minute is the one after its second 59.
         let (plain, is_60) = match text.trim().match_indices(":60").find(|(place, _)| *place >= 16) {
             Some((place, _)) => (text.trim()[..place].to_owned() + ":59" + &text.trim()[place + 3..], true),
@@ -112,12 +109,12 @@ impl Tai {
             return Ok(tai);
         }
         let leaped = tai + Span::from_ns(NS_PER_S);
-        if leap::is_leap_second(leaped.ns) { Ok(leaped) } else { Err(refuse(" (no leap second was inserted there)")) }
+        if is_leap_second(leaped.ns) { Ok(leaped) } else { Err(refuse(" (no leap second was inserted there)")) }
     }
 
     /// Returns the UTC text, RFC 3339 with microseconds.
     pub fn to_rfc3339(self) -> String {
-        let is_60 = leap::is_leap_second(self.ns);
+        let is_60 = is_leap_second(self.ns);
         // Civil text of a count without leap seconds: the scale TAI has none.
         let counted = self.utc_count_ns().saturating_sub(if is_60 { NS_PER_S } else { 0 });
         let civil = ptp_epoch() + Duration::from_truncated_nanoseconds(counted);
@@ -134,7 +131,7 @@ impl Tai {
 
     /// Returns the instant of a Unix time; the later of two where a leap second made it count twice.
     pub fn from_unix_ns(unix_ns: i64) -> Self {
-        Self { ns: unix_ns.saturating_add(leap::tai_less_utc_of_unix_s(unix_ns.div_euclid(NS_PER_S)) * NS_PER_S) }
+        Self { ns: unix_ns.saturating_add(tai_less_utc_of_unix_s(unix_ns.div_euclid(NS_PER_S)) * NS_PER_S) }
     }
 
     /// Returns nanoseconds of terrestrial time since 1970-01-01T00:00:00 TT.
@@ -158,7 +155,7 @@ impl Tai {
     }
 
     fn utc_count_ns(self) -> i64 {
-        self.ns.saturating_sub(leap::tai_less_utc_s(self.ns) * NS_PER_S)
+        self.ns.saturating_sub(tai_less_utc_s(self.ns) * NS_PER_S)
     }
 
     /// Returns the Julian years (TDB) since J2000.0: the argument of space motion and of ephemerides.
@@ -217,6 +214,55 @@ impl fmt::Display for Tai {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.to_rfc3339())
     }
+}
+
+/// Unix time, s, from which TAI - UTC is the second number, s.
+const TABLE: [(i64, i64); 28] = [
+    (63_072_000, 10),    // 1972-01-01
+    (78_796_800, 11),    // 1972-07-01
+    (94_694_400, 12),    // 1973-01-01
+    (126_230_400, 13),   // 1974-01-01
+    (157_766_400, 14),   // 1975-01-01
+    (189_302_400, 15),   // 1976-01-01
+    (220_924_800, 16),   // 1977-01-01
+    (252_460_800, 17),   // 1978-01-01
+    (283_996_800, 18),   // 1979-01-01
+    (315_532_800, 19),   // 1980-01-01
+    (362_793_600, 20),   // 1981-07-01
+    (394_329_600, 21),   // 1982-07-01
+    (425_865_600, 22),   // 1983-07-01
+    (489_024_000, 23),   // 1985-07-01
+    (567_993_600, 24),   // 1988-01-01
+    (631_152_000, 25),   // 1990-01-01
+    (662_688_000, 26),   // 1991-01-01
+    (709_948_800, 27),   // 1992-07-01
+    (741_484_800, 28),   // 1993-07-01
+    (773_020_800, 29),   // 1994-07-01
+    (820_454_400, 30),   // 1996-01-01
+    (867_715_200, 31),   // 1997-07-01
+    (915_148_800, 32),   // 1999-01-01
+    (1_136_073_600, 33), // 2006-01-01
+    (1_230_768_000, 34), // 2009-01-01
+    (1_341_100_800, 35), // 2012-07-01
+    (1_435_708_800, 36), // 2015-07-01
+    (1_483_228_800, 37), // 2017-01-01
+];
+
+/// Returns TAI - UTC, s, of a count of TAI nanoseconds. A leap second still has the old number.
+pub(super) fn tai_less_utc_s(tai_ns: i64) -> i64 {
+    let has_begun = |(unix_s, after): &(i64, i64)| tai_ns >= (unix_s + after) * NS_PER_S;
+    TABLE.iter().rev().find(|row| has_begun(row)).map_or(0, |row| row.1)
+}
+
+/// Returns TAI - UTC, s, of a Unix time in whole seconds; that after the leap second where it counts twice.
+pub(super) fn tai_less_utc_of_unix_s(unix_s: i64) -> i64 {
+    TABLE.iter().rev().find(|row| unix_s >= row.0).map_or(0, |row| row.1)
+}
+
+/// Returns true inside a second 60. (The ten seconds of 1972-01-01 do not count as leap seconds.)
+pub(super) fn is_leap_second(tai_ns: i64) -> bool {
+    let begins_ns = |(unix_s, after): &(i64, i64)| (unix_s + after - 1) * NS_PER_S;
+    TABLE.iter().skip(1).any(|row| (begins_ns(row)..begins_ns(row) + NS_PER_S).contains(&tai_ns))
 }
 
 #[cfg(test)]
@@ -323,5 +369,59 @@ mod tests {
     fn text_that_is_no_time_says_what_was_wanted() {
         let error = Tai::from_rfc3339("yesterday").expect_err("no instant").to_string();
         assert!(error.contains("yesterday") && error.contains("RFC 3339"), "{error}");
+    }
+}
+
+#[cfg(test)]
+mod leap_tests {
+    use super::*;
+
+    /// The other table at hand, away from where it is wrong.
+    #[test]
+    fn the_table_is_that_of_hifitime() {
+        for (unix_s, after) in TABLE {
+            for (at_s, wanted) in [(unix_s - 3600, after - 1), (unix_s + 3600, after)] {
+                let epoch = Epoch::from_unix_seconds(at_s as f64);
+                let theirs = (epoch.to_tai_seconds() - epoch.to_utc_seconds()).round() as i64;
+                // 1971 has 0 in both tables, not 9.
+                let wanted = if unix_s == TABLE[0].0 && at_s < unix_s { 0 } else { wanted };
+                assert_eq!((theirs, tai_less_utc_of_unix_s(at_s)), (wanted, wanted), "{at_s}");
+                assert_eq!(tai_less_utc_s((at_s + wanted) * NS_PER_S), wanted, "{at_s}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_table_is_that_of_erfa() {
+        // TAI - UTC from this day on, by erfa.dat (pyerfa 2.0.1.5): all there were since 1991.
+        let days = [
+            "1991-01-01",
+            "1992-07-01",
+            "1993-07-01",
+            "1994-07-01",
+            "1996-01-01",
+            "1997-07-01",
+            "1999-01-01",
+            "2006-01-01",
+            "2009-01-01",
+            "2012-07-01",
+            "2015-07-01",
+            "2017-01-01",
+        ];
+        for (day, after) in days.into_iter().zip(26_i64..) {
+            let midnight = Tai::from_rfc3339(&format!("{day}T00:00:00Z")).expect("a valid instant");
+            assert_eq!(midnight.ns() - midnight.to_unix_ns(), after * NS_PER_S, "{day}");
+            let before = midnight - Span::from_s(2.0);
+            assert_eq!(before.ns() - before.to_unix_ns(), (after - 1) * NS_PER_S, "the day before {day}");
+        }
+    }
+
+    #[test]
+    fn leap_seconds_are_one_second_long() {
+        let (unix_s, after) = TABLE[TABLE.len() - 1];
+        let new_year_ns = (unix_s + after) * NS_PER_S;
+        let is_inside = [-NS_PER_S - 1, -NS_PER_S, -1, 0].map(|ns| is_leap_second(new_year_ns + ns));
+        assert_eq!(is_inside, [false, true, true, false]);
+        assert_eq!(Tai::from_unix_ns(unix_s * NS_PER_S).ns(), new_year_ns);
     }
 }

@@ -3,9 +3,9 @@
 /// Makes an enum of `Variant = "word"` with a list of all of them and their words.
 #[macro_export]
 macro_rules! words {
-    ($(#[$on:meta])* pub enum $name:ident { $($(#[$about:meta])* $variant:ident = $word:literal,)+ }) => {
+    ($(#[$on:meta])* $visibility:vis enum $name:ident { $($(#[$about:meta])* $variant:ident = $word:literal,)+ }) => {
         $(#[$on])*
-        pub enum $name { $($(#[$about])* $variant,)+ }
+        $visibility enum $name { $($(#[$about])* $variant,)+ }
 
         #[allow(dead_code, reason = "not every list is asked for")]
         impl $name {

@@ -7,7 +7,7 @@ use clap::Args;
 use config::Camera;
 use frames::report::plot::{Axis, Chart, Series, Style, to_svg};
 use frames::sink::write_file_atomically;
-use plan::optics::{photometry_v::mag_v, star_light::surface_brightness_e_per_s_px};
+use plan::optics::{radiometry::mag_v, star_light::surface_brightness_e_per_s_px};
 use run::wiring::camera_parts::camera_params;
 use run::wiring::sensitivity::{Conditions, Sensitivity};
 use std::path::PathBuf;
@@ -211,7 +211,7 @@ fn head(lines: &mut Lines, camera: &Camera, sensitivity: &Sensitivity) {
     }
     lines.named("window").line(format_args!(
         "{0} x {0} px with {1:.4} of the light, {2:.4} in the brightest pixel",
-        window.side_px(),
+        window.side_px,
         window.share(),
         window.peak()
     ));
@@ -266,7 +266,7 @@ fn facts(camera: &Camera, limiting_mag: f32, sensitivity: &Sensitivity, mags: &[
         "exposure_s": sensitivity.exposure_s,
         "bp_rp": sensitivity.bp_rp,
         "zero_point_e_per_s": sensitivity.light.zero_point_e_per_s(),
-        "window_px": sensitivity.window.side_px(),
+        "window_px": sensitivity.window.side_px,
         "window_share": sensitivity.window.share(),
         "drawn_to_mag_g": drawn_mag(camera, limiting_mag),
         "limits": LIMITS.iter().map(limit).collect::<Vec<_>>(),
@@ -297,8 +297,7 @@ fn chart(camera: &Camera, sensitivity: &Sensitivity, mags: &[f64]) -> Chart {
         ring: String::new(),
         notes: vec![format!(
             "Exposure {} s; window {1} x {1} px; star on the centre of a pixel.",
-            sensitivity.exposure_s,
-            sensitivity.window.side_px()
+            sensitivity.exposure_s, sensitivity.window.side_px
         )],
     }
 }

@@ -11,8 +11,8 @@ use crate::{error::Result, radiometry::Exposure};
 use base::bayer::BayerPattern;
 use image::detector::binning::{Binning, BinningKind, MOST};
 use image::detector::charge_transfer::{ChargeTransfer, MOST_LEFT_BEHIND, OutputCorner};
-use image::detector::colour_filter::{ColourFilter, LEAST_RESPONSE};
 use image::detector::defects::{DefectPopulation, Rates};
+use image::detector::pattern::{ColourFilter, LEAST_RESPONSE};
 use image::detector::protons::{ProtonDirection, ProtonFlux, SensitiveLayer};
 use image::detector::{DarkLaw, PoissonMethod, Rounding, SpatialParams};
 use image::detector::{

@@ -5,7 +5,8 @@
 
 use crate::key::{Section, section, taken};
 use crate::{check::Checker, error::Result, key_type::Word};
-use plan::attitude::{DensityError, JitterRecord, PsdPoint, RecordEnd, read_density, read_series};
+use base::refused::Refused;
+use plan::attitude::{JitterRecord, PsdPoint, RecordEnd, read_density, read_series};
 use std::sync::Arc;
 
 /// Axes of a record.
@@ -120,7 +121,7 @@ impl JitterInput {
     ///
     /// # Errors
     /// Never for what was checked.
-    pub fn record(&self, seed: u64) -> Result<Arc<JitterRecord>, DensityError> {
+    pub fn record(&self, seed: u64) -> Result<Arc<JitterRecord>, Refused> {
         match &self.source {
             JitterFile::Series(record) => Ok(Arc::clone(record)),
             JitterFile::Density { points, duration_s } => {

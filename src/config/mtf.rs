@@ -9,7 +9,7 @@ use crate::key_type::{Whole, Word};
 use crate::psf::{Psf, PsfKeys};
 use crate::{check::Checker, detector::Detector, optics::Optics};
 use image::detector::tdi::Tdi;
-use plan::optics::mtf::circuit::{Circuit, LOWEST_CUTOFF};
+use plan::optics::mtf::blur::{Circuit, LOWEST_CUTOFF};
 use plan::optics::mtf::diffusion::{Diffusion, Layers, Side};
 use plan::optics::mtf::{ChainParams, Defocus, DefocusForm, MtfChain, MtfError, TdiBlur, Wavefront};
 use plan::optics::{Band, SpectralWeight};

@@ -11,8 +11,9 @@ use crate::key_type::{Raw, Shape, Whole, Word};
 use crate::mtf::{Chain, MtfKeys};
 use crate::optics::{LARGEST_OBSCURATION, Optics};
 use crate::{detector::Detector, error::Result};
+use base::refused::Refused;
 use frames::sink::fits::FitsImage;
-use plan::optics::measured::{Background, Holds, MeasuredError, Measurement, StarAt};
+use plan::optics::measured::{Background, Holds, Measurement, StarAt};
 use plan::optics::psf_field::{MOST_NODES, PsfField};
 use plan::optics::{PsfGrid, PsfModel};
 use plan::{exposure::PsfSampling, optics::moffat::Moffat};
@@ -344,6 +345,6 @@ pub(super) fn field(keys: &PsfKeys, size_px: [u32; 2], check: &mut Checker<'_>) 
 }
 
 /// Returns the PSF of a FITS image.
-fn grid_of(image: &FitsImage, how: &Measurement) -> Result<PsfGrid, MeasuredError> {
+fn grid_of(image: &FitsImage, how: &Measurement) -> Result<PsfGrid, Refused> {
     how.psf(&image.top_row_first(), image.width)
 }

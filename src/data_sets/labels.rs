@@ -18,7 +18,7 @@ use parquet::data_type::{ByteArray, ByteArrayType, DataType, DoubleType, Int64Ty
 use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
 use parquet::{file::metadata::KeyValue, file::properties::WriterProperties, schema::parser::parse_message_type};
 use serde_json::{Map, Value, json};
-use stars::hipparcos::hipparcos_of_gaia;
+use stars::numbering::hipparcos_of_gaia;
 use std::sync::Arc;
 
 /// A cell before it is in a column.

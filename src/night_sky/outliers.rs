@@ -17,7 +17,7 @@ use base::least_squares::median;
 use base::source_id::{GaiaRelease, SourceId};
 use core::f64::consts::SQRT_2;
 use serde::Serialize;
-use stars::hipparcos::hipparcos_of_gaia;
+use stars::numbering::hipparcos_of_gaia;
 
 /// Spreads from which a star is an outlier.
 pub const OUTLYING: f64 = 4.0;

@@ -1,11 +1,10 @@
 //! One camera: all parameters from the light to the digital numbers.
 
-use base::region::Regions;
+use base::{refused::Refused, region::Regions};
 use frames::sink::CameraFacts;
-use image::detector;
 use image::detector::binning::{Binning, BinningKind};
-use image::detector::{Detector, DetectorParams, Patterns, Seeds};
-use image::detector::{levels::Levels, pattern::PatternSizeError, window::OutputGeometry};
+use image::detector::{self, Detector, DetectorParams, Patterns, Seeds};
+use image::detector::{pattern::PatternSizeError, readout::Levels, window::OutputGeometry};
 use plan::exposure::cost::CostModel;
 use plan::exposure::{Instrument, PsfSampling, Shutter};
 use plan::optics::{BackgroundLight, Illumination, PsfModel, StarLight};
@@ -127,4 +126,14 @@ impl CameraParams {
     pub fn readout_share(&self, regions: &Regions) -> f64 {
         detector::cost::share_of(&self.detector, &self.output().sensor_regions(regions), self.sensor_px())
     }
+}
+
+/// A layer of stars could not be read.
+pub(crate) fn stars(why: Refused) -> Refused {
+    Refused(format!("stars: {why}"))
+}
+
+/// The observer's orbit could not be computed.
+pub(crate) fn observer(why: Refused) -> Refused {
+    Refused(format!("observer: {why}"))
 }

@@ -1,7 +1,7 @@
 //! Attitude and time -> a frame's background: sky, and stray light of Sun, Moon and Earth. Evaluated at the boresight
 //! at mid-exposure, once per frame; allocates nothing after start.
 
-use crate::{camera::CameraParams, error};
+use crate::camera::{self, CameraParams};
 use base::refused::Refused;
 use glam::DVec3;
 use image::detector::Background;
@@ -41,7 +41,7 @@ impl FieldLight {
         let boresight_icrf = sensor_from_icrf.inverse().apply(DVec3::Z);
         let (mut sun_icrf, mut glare) = (DVec3::Z, Glare::default());
         if let Some(observer) = &self.observer {
-            let bodies = observer.bodies(los.mid_exposure()).map_err(error::observer)?;
+            let bodies = observer.bodies(los.mid_exposure()).map_err(camera::observer)?;
             sun_icrf = bodies.sun_km;
             let in_sensor = |km: DVec3| sensor_from_icrf.apply(km);
             if let Some(stray) = &self.light.stray {
@@ -71,7 +71,7 @@ impl FieldLight {
         directions: [Option<DVec3>; N],
     ) -> Result<(f64, f64), Refused> {
         let sun_icrf = match &self.observer {
-            Some(observer) => observer.bodies(los.mid_exposure()).map_err(error::observer)?.sun_km,
+            Some(observer) => observer.bodies(los.mid_exposure()).map_err(camera::observer)?.sun_km,
             None => DVec3::Z,
         };
         let icrf_from_sensor = los.mid_sensor_from_icrf.inverse();

@@ -3,17 +3,14 @@
 //! In: a line of sight and the sky. Out: sources for the planner, the background, the truth table, the map to the sky.
 //!
 //! * [`camera`]: one camera, everything between the light and its numbers;
-//! * [`Scene`]: stars ([`sky_view`]), Sun, Moon, Earth and planets ([`sky_bodies`], [`discs`], [`occultation`]), targets
+//! * [`Scene`]: stars ([`sky_view`]), Sun, Moon, Earth and planets ([`sky_bodies`], [`discs`]), targets
 //!   ([`sky_targets`]) and the light beside the stars ([`field_light`]);
 //! * [`truth`]: rows of the truth table; [`wcs`]: pixels to catalog places (FITS).
 
 pub mod camera;
 pub mod discs;
-mod error;
-mod field_bounds;
+mod field;
 pub mod field_light;
-mod field_stars;
-pub mod occultation;
 mod scene;
 pub mod sky_bodies;
 pub mod sky_targets;

@@ -3,9 +3,10 @@
 //! In: a line of sight. Out: the sources, the targets, and facts about them for the user ([`SceneReport`]). Allocates
 //! nothing after its first frames.
 
+use crate::camera::{self, CameraParams};
 use crate::sky_bodies::{BodyCounts, SkyBodies};
 use crate::sky_targets::{SkyTarget, SkyTargets};
-use crate::{camera::CameraParams, error, field_light::FieldLight, sky_view::SkyView};
+use crate::{field_light::FieldLight, sky_view::SkyView};
 use base::{refused::Refused, time::Tai};
 use image::detector::Background;
 use plan::{attitude::LosPath, exposure::Source};
@@ -92,7 +93,7 @@ impl Scene {
         let light = self.light.observer_mut();
         let tracks = [self.stars.observer_mut(), self.targets.observer_mut()].into_iter().chain(bodies).chain(light);
         for track in tracks {
-            track.follow(at, state).map_err(error::observer)?;
+            track.follow(at, state).map_err(camera::observer)?;
         }
         Ok(())
     }
@@ -132,7 +133,7 @@ impl Scene {
             return Ok(report);
         }
         self.stars.find_in_view(los)?;
-        report.shortfall = self.stars.shortfall();
+        report.shortfall = self.stars.shortfall;
         report.lost_reader = self.stars.has_lost_reader() && !self.has_lost_reader;
         self.has_lost_reader |= report.lost_reader;
         if let Some(bodies) = &mut self.bodies {
@@ -144,7 +145,7 @@ impl Scene {
         if let Some(bodies) = &self.bodies {
             // A target's setting behind the Earth is part of its light; the Moon hides it for all of the exposure or
             // not at all.
-            self.targets.leave_out(|seen| bodies.before().moon_hides(seen.apparent_icrf, seen.range_km));
+            self.targets.leave_out(|seen| bodies.before.moon_hides(seen.apparent_icrf, seen.range_km));
         }
         Ok(report)
     }

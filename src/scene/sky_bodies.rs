@@ -5,8 +5,8 @@
 //! whose radius is below [`POINT_RADIUS_PX`] is a point. The Sun is never drawn: its disc in the field is reported.
 //! Reuses its buffers; more sources than ever before may allocate once. Tests: `tests/physics/bodies.rs`.
 
-use crate::discs::{Disc, DiscPainter, Law};
-use crate::{camera::CameraParams, error, occultation::Occultation};
+use crate::camera::{self, CameraParams};
+use crate::discs::{Disc, DiscPainter, Law, Occultation};
 use base::axes::{Icrf, Rotation, Sensor};
 use base::{refused::Refused, time::Tai, units::AU_KM};
 use core::f64::consts::PI;
@@ -15,9 +15,9 @@ use plan::exposure::{Source, SourcePlace};
 use plan::optics::baffle::{EARTH_ALBEDO, SUN_MAG_G};
 use plan::{exposure::target::FIRST_BODY_ID, optics::StarLight};
 use sky::astrometry::{CameraGeometry, aberrated};
-use sky::bodies::{SUN_RADIUS_KM, Standpoint};
+use sky::bodies::{SUN_RADIUS_KM, Spheroid, Standpoint};
 use sky::magnitude::{Lighting, SUN_BP_RP, SUN_G_LESS_V, moon_v, planet_v};
-use sky::{observer::ObserverTrack, planets::Planet, spheroid::Spheroid};
+use sky::{observer::ObserverTrack, planets::Planet};
 
 /// Radius below which planets are points, px: the error of the middle of their light is at most half of it.
 pub const POINT_RADIUS_PX: f64 = 0.02;
@@ -85,7 +85,8 @@ pub struct SkyBodies {
     painter: DiscPainter,
     sources: Vec<Source>,
     counts: BodyCounts,
-    before: Occultation,
+    /// Bodies that hide others in the latest frame's field.
+    pub before: Occultation,
 }
 
 impl SkyBodies {
@@ -143,7 +144,7 @@ impl SkyBodies {
         sensor_from_icrf: &Rotation<Sensor, Icrf>,
         at: Tai,
     ) -> Result<&[Source], Refused> {
-        let standpoint = self.observer.standpoint(at).map_err(error::observer)?;
+        let standpoint = self.observer.standpoint(at).map_err(camera::observer)?;
         let boresight = sensor_from_icrf.inverse().apply(DVec3::Z);
         let field_rad = self.field_rad();
         let before = Occultation::in_field(&standpoint, boresight, field_rad);
@@ -170,17 +171,12 @@ impl SkyBodies {
         Ok(&self.sources)
     }
 
-    /// Returns the bodies that hide others in the latest frame's field.
-    pub fn before(&self) -> &Occultation {
-        &self.before
-    }
-
     /// Returns every body as seen at `at`, the Sun first.
     ///
     /// # Errors
     /// The same errors as [`Self::seen`].
     pub fn all(&self, at: Tai) -> Result<Vec<SeenBody>, Refused> {
-        Ok(seen_from(&self.observer.standpoint(at).map_err(error::observer)?))
+        Ok(seen_from(&self.observer.standpoint(at).map_err(camera::observer)?))
     }
 
     fn field_rad(&self) -> f64 {

@@ -11,7 +11,7 @@
 //! throughout). A target in the umbra is not drawn either. A target that SGP4 can no longer follow is lost for the rest
 //! of the run, and counted once. Tests: below; `hil_scripts/test_targets.py` against another program.
 
-use crate::{camera::CameraParams, error};
+use crate::camera::{self, CameraParams};
 use base::time::{Span, Tai};
 use base::{bisection::halved, refused::Refused};
 use core::f64::consts::PI;
@@ -93,7 +93,8 @@ pub struct SkyTargets {
     light: StarLight,
     in_view: Vec<Target>,
     facts: Vec<TargetFacts>,
-    is_coarse: bool,
+    /// True when the error of a trajectory may exceed [`WAY_BUDGET_PX`].
+    pub is_coarse: bool,
 }
 
 impl SkyTargets {
@@ -138,8 +139,8 @@ impl SkyTargets {
             return Ok(0);
         }
         let half_s = 0.5 * (los.exposure_s + self.rows_s);
-        let vantage = self.vantage(los.mid_exposure()).map_err(error::observer)?;
-        let exposure = self.exposure(vantage, half_s).map_err(error::observer)?;
+        let vantage = self.vantage(los.mid_exposure()).map_err(camera::observer)?;
+        let exposure = self.exposure(vantage, half_s).map_err(camera::observer)?;
         let mut lost = 0;
         for place in 0..self.targets.len() {
             if self.is_lost[place] {
@@ -178,11 +179,6 @@ impl SkyTargets {
     /// Returns the facts at mid-exposure, in the same order.
     pub fn facts(&self) -> &[TargetFacts] {
         &self.facts
-    }
-
-    /// Returns true when the error of a trajectory may exceed [`WAY_BUDGET_PX`].
-    pub fn is_coarse(&self) -> bool {
-        self.is_coarse
     }
 
     /// Returns its observer, so that callers can add states from outside.
@@ -376,4 +372,5 @@ impl Exposure {
 }
 
 #[cfg(test)]
+#[path = "sky_targets_tests.rs"]
 mod tests;

@@ -3,7 +3,8 @@
 //! Uses the tiles of the field, whose light was computed when they were decoded, on all cores. Tests:
 //! `tests/physics/frames.rs`, `tests/physics/deep_sky.rs`.
 
-use crate::{camera::CameraParams, error, field_bounds::FieldBounds, field_stars::FieldStars};
+use crate::camera::{self, CameraParams};
+use crate::field::{FieldBounds, FieldStars};
 use base::axes::{Icrf, Rotation, Sensor};
 use base::time::{Span, Tai};
 use base::{refused::Refused, source_id::SourceId};
@@ -14,7 +15,7 @@ use plan::exposure::{Source, SourcePlace};
 use sky::astrometry::{ApparentPlaces, Sight, Vantage, cone_margin_rad};
 use sky::observer::ObserverTrack;
 use stars::tiles::{Light, Shortfall, TileSky, TileStar};
-use stars::{Sky, cover::chord_squared};
+use stars::{Sky, healpix::chord_squared};
 use std::sync::Arc;
 
 /// The sky in view of one camera.
@@ -22,7 +23,7 @@ pub struct SkyView {
     tiles: TileSky,
     field: FieldStars,
     /// Stars missing from the latest field.
-    shortfall: Shortfall,
+    pub shortfall: Shortfall,
     epoch_yr: f64,
     fastest_mas_yr: f64,
     observer: ObserverTrack,
@@ -88,17 +89,12 @@ impl SkyView {
     /// # Errors
     /// When a tile cannot be read.
     pub fn settle(&mut self) -> Result<usize, Refused> {
-        self.tiles.settle().map_err(error::stars)
+        self.tiles.settle().map_err(camera::stars)
     }
 
     /// Returns true when the thread that reads tiles has failed.
     pub fn has_lost_reader(&self) -> bool {
         self.tiles.has_lost_reader()
-    }
-
-    /// Returns the stars missing from the latest field.
-    pub fn shortfall(&self) -> Shortfall {
-        self.shortfall
     }
 
     /// Returns its observer.
@@ -166,7 +162,7 @@ impl SkyView {
     /// # Errors
     /// When the observer's orbit cannot be computed at that time.
     pub fn look(&mut self, at: Tai) -> Result<(), Refused> {
-        self.sight = Some(Vantage::of(&self.observer, at, self.light_deflection).map_err(error::observer)?.sight());
+        self.sight = Some(Vantage::of(&self.observer, at, self.light_deflection).map_err(camera::observer)?.sight());
         Ok(())
     }
 
@@ -188,7 +184,7 @@ impl SkyView {
         attitude: Option<&Rotation<Sensor, Icrf>>,
         at: Tai,
     ) -> Result<(), Refused> {
-        let vantage = Vantage::of(&self.observer, at, self.light_deflection).map_err(error::observer)?;
+        let vantage = Vantage::of(&self.observer, at, self.light_deflection).map_err(camera::observer)?;
         self.sight = Some(vantage.sight());
         self.radius_rad = self.field_rad + cone_margin_rad(self.epoch_yr, self.fastest_mas_yr, at, &vantage);
         let margin_rad = self.radius_rad - self.half_diagonal_rad + sweep_rad;
@@ -201,7 +197,7 @@ impl SkyView {
             self.sources.clear();
             return Ok(());
         };
-        self.shortfall = self.tiles.take_field(axis, radius_rad).map_err(error::stars)?;
+        self.shortfall = self.tiles.take_field(axis, radius_rad).map_err(camera::stars)?;
         let chord2 = chord_squared(radius_rad);
         let is_wanted = |star: &TileStar| match &bounds {
             Some(bounds) => bounds.may_have(star.direction_icrf),

@@ -16,8 +16,7 @@
 //! microseconds and is not here. Tests: below; `tests/physics/almanac.rs`.
 
 use crate::planets::{self, Planet};
-use crate::state::BarycentricState;
-use crate::{earth, ephemeris, sun};
+use crate::{earth, ephemeris, state::BarycentricState, sun};
 use base::{time::Tai, units::DAY_S};
 use ephemeris::Method;
 use glam::DVec3;

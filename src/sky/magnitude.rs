@@ -10,8 +10,9 @@
 //! the Sun's 0.65) is worth -0.3 mag in G. Tests: `tests/physics/bodies.rs`, against skyfield's values and published
 //! ones.
 
-use crate::planets::Planet;
-use base::units::{AU_KM, DEG};
+use crate::{almanac::Almanac, planets::Planet};
+use base::time::Tai;
+use base::units::{AU_KM, DAY_S, DEG, SPEED_OF_LIGHT_KM_S};
 use glam::DVec3;
 
 /// Gaia BP - RP of the Sun (Casagrande and VandenBerg 2018, MNRAS 479, L102).
@@ -110,4 +111,21 @@ fn ring_sine(lighting: &Lighting) -> f64 {
     // To first order the mean of the angles is the mean of the sines: they differ by Earth's 6 deg at most.
     let [sun, observer] = [lighting.from_sun_km, lighting.from_observer_km].map(|km| pole.dot(km.normalize()));
     (sun * observer).max(0.0).sqrt()
+}
+
+/// Steps to the light time: each leaves v/c of the one before, 3e-4 of 4 hours at first.
+const LIGHT_STEPS: usize = 3;
+
+impl Planet {
+    /// Returns where it was when the light left that an observer at `observer_km` from the Sun gets at `at`: from the
+    /// Sun, km.
+    pub fn light_left_km(self, at: Tai, observer_km: DVec3, almanac: &Almanac) -> DVec3 {
+        let days = at.days_tdb_since_j2000();
+        let mut from_sun_km = almanac.planet_km(self, days);
+        for _ in 0..LIGHT_STEPS {
+            let light_s = from_sun_km.distance(observer_km) / SPEED_OF_LIGHT_KM_S;
+            from_sun_km = almanac.planet_km(self, days - light_s / DAY_S);
+        }
+        from_sun_km
+    }
 }

@@ -6,11 +6,10 @@
 //!
 //! Proven by the tests of [`crate::earth`] and [`crate::orbit`] and by `tests/physics/apparent_places`.
 
-use crate::almanac::Almanac;
 use crate::followed::{FollowedStates, above_surface};
-use crate::moon;
 use crate::orbit::{CentralBody, CircularOrbit, TleOrbit, TwoBodyOrbit};
 pub use crate::state::BarycentricState;
+use crate::{almanac::Almanac, moon};
 use base::{refused::Refused, time::Tai};
 use histories::{Centre, OrbitHistory};
 use std::sync::Arc;

@@ -2,7 +2,7 @@
 //!
 //! Heliocentric positions by the table of [`crate::ephemeris`], outside its span by VSOP87E (Bretagnon and Francou
 //! 1988, A&A 202, 309), both through [`crate::almanac`]. Light time: the planet is taken where it was when the light
-//! left ([`crate::planet_light`]). What is given is then geometric in the observer's axes of rest with the barycentre,
+//! left ([`crate::magnitude`]). What is given is then geometric in the observer's axes of rest with the barycentre,
 //! so that the aberration of stars applies. The Sun's own motion meanwhile (0.013 km/s) is left out: 200 km, or 0.01
 //! arcsec, at Neptune. Mars to Neptune are the centres of mass of their systems (Jupiter's is 200 km from the planet's
 //! middle: 0.1 arcsec).
@@ -15,24 +15,22 @@ use crate::{ephemeris::Method, state::BarycentricState};
 use base::time::Tai;
 use glam::DVec3;
 
-/// A planet other than the Earth.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-#[allow(missing_docs, reason = "the names say it all")]
-pub enum Planet {
-    Mercury,
-    Venus,
-    Mars,
-    Jupiter,
-    Saturn,
-    Uranus,
-    Neptune,
+base::words! {
+    /// A planet other than the Earth.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+    #[allow(missing_docs, reason = "the names say it all")]
+    pub enum Planet {
+        Mercury = "Mercury",
+        Venus = "Venus",
+        Mars = "Mars",
+        Jupiter = "Jupiter",
+        Saturn = "Saturn",
+        Uranus = "Uranus",
+        Neptune = "Neptune",
+    }
 }
 
 impl Planet {
-    /// All of them.
-    pub const ALL: [Self; 7] =
-        [Self::Mercury, Self::Venus, Self::Mars, Self::Jupiter, Self::Saturn, Self::Uranus, Self::Neptune];
-
     /// Returns the number in order from the Sun, the Earth being 3.
     pub const fn number(self) -> u32 {
         match self {
@@ -43,19 +41,6 @@ impl Planet {
             Self::Saturn => 6,
             Self::Uranus => 7,
             Self::Neptune => 8,
-        }
-    }
-
-    /// Returns its name.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Mercury => "Mercury",
-            Self::Venus => "Venus",
-            Self::Mars => "Mars",
-            Self::Jupiter => "Jupiter",
-            Self::Saturn => "Saturn",
-            Self::Uranus => "Uranus",
-            Self::Neptune => "Neptune",
         }
     }
 

@@ -4,26 +4,23 @@
 //!
 //! * [`catalog`]: the packed star catalog, a layer in memory, and its cone query;
 //! * [`layer`]: star layers on disk, of any number of stars, and their cone query; several as one sky;
-//! * [`StarIndex`]: facts and tiles of either; [`cover`]: cones and the tiles that they touch;
+//! * [`StarIndex`]: facts and tiles of either;
 //! * [`tiles`]: the tiles of a field, decoded, in bounded memory, read ahead; [`Sky`]: the stars of a run;
-//! * [`galactic`]: galactic longitude and latitude; [`healpix`]: cells of the sphere;
+//! * [`galactic`]: galactic longitude and latitude; [`healpix`]: cells of the sphere, and those that a cone touches;
 //! * [`credits`]: acknowledgements that the sources of stars ask for;
-//! * [`numbering`]: stored numbers -> names in source catalogs; [`hipparcos`]: of Gaia stars in Hipparcos;
+//! * [`numbering`]: stored numbers -> names in source catalogs, and Gaia's -> those of Hipparcos;
 //! * [`radial_velocity`]: of the fastest stars.
 
 pub mod catalog;
-pub mod cover;
 pub mod credits;
 pub mod galactic;
 pub mod healpix;
-pub mod hipparcos;
-mod index;
 pub mod layer;
 pub mod numbering;
 pub mod radial_velocity;
 mod stars;
-mod steps;
+mod store;
 pub mod tiles;
 
-pub use index::StarIndex;
 pub use stars::{FieldMemory, Sky};
+pub use store::StarIndex;

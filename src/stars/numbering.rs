@@ -3,11 +3,16 @@
 //! A stored number is Gaia's `source_id`, or the user's own, or below zero one of a bright star: minus the Hipparcos
 //! number, or -(10^12 + 10^6 TYC1 + 10 TYC2 + TYC3). Whether numbers are Gaia's is found from the stars themselves:
 //! `source_id` divided by 2^35 is the nested HEALPix cell at order 12 in which the star was first seen (Gaia DR3
-//! documentation, section
-//! 20.1.1), 52 arcsec wide, so numbers of other origin do not lie where they say. Tests: below, and
-//! `catalog::tests::built_in_stars_have_the_names_of_their_sources`.
+//! documentation, section 20.1.1), 52 arcsec wide, so numbers of other origin do not lie where they say. Tests: below,
+//! and `catalog::tests::built_in_stars_have_the_names_of_their_sources`.
+//!
+//! *Hipparcos.* Gaia numbers -> Hipparcos numbers of the same stars.
+//!
+//! In: a `source_id` of Gaia DR3. Out: the star's number in the Hipparcos catalog, where it has one and is brighter
+//! than G = 8.5, the limit of the built-in catalog. The table is made by `hil_scripts/make_hipparcos_table.py`. Tests:
+//! below, and places in the Hipparcos catalog itself in `hil_scripts/test_data_sets.py`.
 
-use crate::cover::chord_squared;
+use crate::healpix::chord_squared;
 use base::source_id::{GaiaRelease, SourceId};
 use base::{source::direction_from_ra_dec, units::ARCSEC};
 use serde::{Deserialize, Serialize};
@@ -192,6 +197,22 @@ fn bright(number: i64) -> Option<SourceId> {
     Some(SourceId::Tycho(region, part(tycho / 10 % 100_000)?, part(tycho % 10)?))
 }
 
+/// Number of stars, Gaia numbers in ascending order, Hipparcos numbers; little-endian.
+const TABLE: &[u8] = include_bytes!("catalog/gaia_hipparcos.bin");
+const GAIA_BYTES: usize = 8;
+const HIPPARCOS_BYTES: usize = 4;
+/// The number of stars comes first.
+const HEAD_BYTES: usize = 4;
+
+/// Returns the Hipparcos number of a star that Gaia DR3 knows by `source_id`; `None` when the table has none.
+pub fn hipparcos_of_gaia(source_id: u64) -> Option<u32> {
+    let count = (TABLE.len() - HEAD_BYTES) / (GAIA_BYTES + HIPPARCOS_BYTES);
+    let (gaia, hipparcos) = TABLE[HEAD_BYTES..].split_at(count * GAIA_BYTES);
+    let gaia = gaia.as_chunks::<GAIA_BYTES>().0;
+    let place = gaia.binary_search_by_key(&source_id, |bytes| u64::from_le_bytes(*bytes)).ok()?;
+    hipparcos.as_chunks::<HIPPARCOS_BYTES>().0.get(place).map(|bytes| u32::from_le_bytes(*bytes))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -237,5 +258,26 @@ mod tests {
         assert_eq!((Numbering::of_mark(0), Numbering::of_mark(9)), (None, None));
         origins.see(-2_000_000, 1.0, 1.0);
         assert!(!origins.numbering(2016.0).bright, "numbers below zero outside the ranges of bright stars");
+    }
+}
+
+#[cfg(test)]
+mod hipparcos_tests {
+    use super::*;
+
+    #[test]
+    fn known_stars_have_their_numbers_and_others_have_none() {
+        // A star of magnitude 5.8 in Cetus.
+        assert_eq!(hipparcos_of_gaia(650_159_265_042_048), Some(14_315));
+        assert_eq!(hipparcos_of_gaia(650_159_265_042_049), None);
+        assert_eq!((hipparcos_of_gaia(0), hipparcos_of_gaia(u64::MAX)), (None, None));
+    }
+
+    #[test]
+    fn table_is_whole_and_in_order() {
+        let count = u32::from_le_bytes(TABLE[..HEAD_BYTES].try_into().unwrap()) as usize;
+        assert_eq!(TABLE.len(), HEAD_BYTES + count * (GAIA_BYTES + HIPPARCOS_BYTES));
+        let gaia = TABLE[HEAD_BYTES..HEAD_BYTES + count * GAIA_BYTES].as_chunks::<GAIA_BYTES>().0;
+        assert!(gaia.windows(2).all(|pair| u64::from_le_bytes(pair[0]) < u64::from_le_bytes(pair[1])));
     }
 }

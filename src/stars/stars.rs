@@ -1,7 +1,6 @@
 //! Where the stars of a run come from: the built-in catalog, or layers on disk.
 
-use crate::layer::LayerSet;
-use crate::{catalog::Catalog, tiles::TileStar};
+use crate::{catalog::Catalog, layer::LayerSet, tiles::TileStar};
 use base::refused::Refused;
 use std::{path::PathBuf, sync::Arc};
 

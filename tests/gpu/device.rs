@@ -3,7 +3,7 @@
 use crate::scene::device;
 use starloop_image::gpu::{AdapterChoice, GpuDevice, GpuError};
 use starloop_image::render::Backend;
-use starloop_image::{gpu::passes::ComputePass, render::gpu::Gpu};
+use starloop_image::{gpu::shader::ComputePass, render::gpu::Gpu};
 
 #[test]
 fn the_description_names_the_adapter_and_says_whether_it_is_hardware() {

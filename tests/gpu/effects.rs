@@ -7,7 +7,7 @@ use starloop_image::detector::{
     DarkLaw, Detector, DetectorConditions, DetectorParams, LinePattern, Nonlinearity, Patterns, Rounding, RowNoise,
     SpatialParams,
 };
-use starloop_image::{detector::colour_filter::ColourFilter, detector::gpu::GpuDetector, render::gpu::Gpu};
+use starloop_image::{detector::gpu::GpuDetector, detector::pattern::ColourFilter, render::gpu::Gpu};
 use std::sync::Arc;
 
 /// As in `detector.rs`: rounding of the ADC and of Poisson means, and one or two multiply-adds more.

@@ -73,7 +73,7 @@ fn the_brighter_is_the_same_on_both() {
         gpu.read_image(brighter.electrons(), &mut got).expect("reads");
         let (off, peak) = worst(wanted.pixels(), got.pixels());
         assert!(off < PEAK_SHARE * peak, "{off} of {peak}");
-        assert!((apart.lost_e() / host.lost_e() - 1.0).abs() < 1e-3, "{} and {}", apart.lost_e(), host.lost_e());
+        assert!((apart.lost_e / host.lost_e - 1.0).abs() < 1e-3, "{} and {}", apart.lost_e, host.lost_e);
     }
     let together = draw_cpu(&plan, scene.size);
     assert!(worst(together.pixels(), got.pixels()).0 > 10.0, "the control: the sum is another image");

@@ -250,7 +250,7 @@ fn the_moon_has_its_size_its_light_and_its_bright_limb() {
         let lit = 0.5 * (1.0 + row.phase_deg.to_radians().cos());
         assert!((moon.lit_share - lit).abs() < 1e-3, "{} {lit}", moon.lit_share);
         // Sources behind it are hidden, lit or not; those before it, or beside it, are not.
-        let hides = |direction, range_km| bodies.before().moon_hides(direction, range_km);
+        let hides = |direction, range_km| bodies.before.moon_hides(direction, range_km);
         assert!(hides(row.apparent, f64::INFINITY) && !hides(row.apparent, 40_000.0));
         assert!(!hides(pointed(row.apparent).inverse().apply(DVec3::new(0.01, 0.0, 1.0).normalize()), f64::INFINITY));
         checked += 1;

@@ -5,7 +5,7 @@ use base::bayer::BayerPattern;
 use base::image::{DnImage, Image};
 use image::detector::binning::{Binning, BinningKind};
 use image::detector::{Background, Detector, DetectorConditions, DetectorParams, Patterns, SpatialParams};
-use image::detector::{colour_filter::ColourFilter, window::Window};
+use image::detector::{pattern::ColourFilter, window::Window};
 use plan::optics::star_spectrum::StarSpectra;
 use plan::optics::{Band, Spectrum};
 

@@ -74,7 +74,7 @@ fn layers_show_the_sky_of_the_catalog_they_were_made_of() {
         let axis = base::source::direction_from_ra_dec(ra_deg * DEG, dec_deg * DEG);
         let wanted = by_catalog.sources(axis, 0.0, at).unwrap().to_vec();
         by_layers.sources(axis, 0.0, at).unwrap();
-        assert_eq!(by_layers.shortfall(), Shortfall::default());
+        assert_eq!(by_layers.shortfall, Shortfall::default());
         let got = by_layers.found();
         for star in &wanted {
             // The cones differ by what the fastest star moves: look for stars, not for numbers of them.
@@ -131,7 +131,7 @@ fn a_slew_finds_its_tiles_there() {
             let mut los = LosPath::commanded(attitude, at + Span::from_s(STEP_S * f64::from(i)), camera.exposure_s);
             los.rate_rad_s = rate_rad_s;
             view.find_in_view(&los).unwrap();
-            if view.shortfall().late_tiles > 0 {
+            if view.shortfall.late_tiles > 0 {
                 late.push(i);
             }
             // All that was asked for comes before the next frame, however slow the machine is.

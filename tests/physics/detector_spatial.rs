@@ -7,7 +7,7 @@ use image::detector::charge_transfer::{ChargeTransfer, OutputCorner};
 use image::detector::defects::{Defect, DefectKind, DefectPlace, Rates};
 use image::detector::protons::{ProtonDirection, ProtonFlux};
 use image::detector::{Detector, DetectorConditions, DetectorParams, SpatialParams};
-use image::detector::{blooming::Blooming, image_lag::ImageLag, levels::Levels, tdi::Tdi, window::Window};
+use image::detector::{blooming::Blooming, image_lag::ImageLag, readout::Levels, tdi::Tdi, window::Window};
 
 const SIZE: [usize; 2] = [128, 96];
 const EXPOSURE_S: f64 = 0.5;

@@ -36,7 +36,7 @@ fn pixels(electrons: Electrons<'_>) -> Vec<f64> {
 fn apart(backend: &mut dyn Backend, plan: &ExposurePlan) -> (Vec<f64>, f64) {
     let mut apart = Apart::new();
     apart.render(backend, plan).unwrap();
-    (pixels(apart.electrons()), apart.lost_e())
+    (pixels(apart.electrons()), apart.lost_e)
 }
 
 #[test]

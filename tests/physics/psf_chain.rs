@@ -1,10 +1,10 @@
 //! PSFs drawn from chains of transfer functions against Airy stamps computed elsewhere, against the chain by
 //! transforming the drawn star back, and against the bounds they state.
 
-use plan::optics::chain_psf::{ChainPsf, ChainPsfError, Drawing};
+use plan::optics::chain_psf::{ChainPsf, Drawing};
 use plan::optics::mtf::{ChainParams, Defocus, DefocusForm, MtfChain, TdiBlur, Wavefront, diffraction};
 use plan::optics::{PsfModel, RoundPsf, SpectralWeight, energy};
-use plan::optics::{airy::Airy, mtf::circuit::Circuit, mtf::diffusion::Diffusion, quadrature::gauss_legendre};
+use plan::optics::{airy::Airy, mtf::blur::Circuit, mtf::diffusion::Diffusion, quadrature::gauss_legendre};
 use std::f64::consts::{PI, TAU};
 use std::path::{Path, PathBuf};
 
@@ -295,11 +295,11 @@ fn light_outside_a_stamp_is_that_of_the_wings() {
 fn stars_too_sharp_or_too_wide_for_a_grid_are_refused() {
     let sharp = chain(ChainParams { pixel_pitch_um: 18.0, f_number: 1.4, ..plain(0.5, 0.0) });
     let refused = ChainPsf::draw(&sharp, &Drawing::default()).unwrap_err();
-    assert!(matches!(refused, ChainPsfError::Sharp { most: 32, .. }), "{refused}");
+    assert!(refused.to_string().contains("too sharp for a grid: with 32 samples per pixel"), "{refused}");
     assert!(refused.to_string().contains("model = \"airy\""), "{refused}");
     let wide = chain(ChainParams { assembly_um: 40.0, ..plain(0.5, 0.0) });
     let refused = ChainPsf::draw(&wide, &Drawing::default()).unwrap_err();
-    assert!(matches!(refused, ChainPsfError::Wide { .. }), "{refused}");
+    assert!(refused.to_string().contains("too wide"), "{refused}");
     // The same sharp lens behind real tolerances is drawn.
     let blurred = ChainParams { assembly_um: 4.0, ..sharp.params().clone() };
     assert!(ChainPsf::draw(&chain(blurred), &Drawing::default()).is_ok());

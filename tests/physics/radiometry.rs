@@ -1,6 +1,6 @@
 //! Radiometry against others' measurements: Gaia's published figures, the mean colours of stars, two measured spectra.
 
-use plan::optics::gaia_bands::GaiaBand;
+use plan::optics::star_spectrum::GaiaBand;
 use plan::optics::{Band, BandRadiometry, Spectrum, StarSpectra, StarSpectrum, spectral_weights};
 
 /// Planck's constant, J s (SI).

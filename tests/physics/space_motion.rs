@@ -82,7 +82,7 @@ const PUBLISHED: [(&str, u64, f64, f64, f64, f64); 4] = [
 #[test]
 fn neglect_of_radial_velocity_is_what_the_documents_say() {
     let catalog = Catalog::built_in().unwrap();
-    let sentence = include_str!("../../src/sky/astrometry/space_motion.rs").replace("\n//! ", " ");
+    let sentence = include_str!("../../src/sky/astrometry/apparent.rs").replace("\n//! ", " ");
     for (name, number, km_s, parallax_mas, speed_mas_yr, published_arcsec) in PUBLISHED {
         let formula_mas = neglect_mas(km_s, parallax_mas, speed_mas_yr, YEARS);
         assert!((formula_mas / (1000.0 * published_arcsec) - 1.0).abs() < 0.03, "{name}: {formula_mas} mas");
@@ -112,7 +112,7 @@ fn stars_of_unknown_radial_velocity_are_as_few_as_the_documents_say() {
     let unknown: Vec<f64> = unknown.collect();
     let above = |mas: f64| unknown.iter().filter(|neglect| **neglect > mas).count();
     println!("at 30 km/s {} stars above 1 mas in 2050, {} above 10", above(1.0), above(10.0));
-    let sentence = include_str!("../../src/sky/astrometry/space_motion.rs").replace("\n//! ", " ");
+    let sentence = include_str!("../../src/sky/astrometry/apparent.rs").replace("\n//! ", " ");
     let wanted = format!("{} come to more than 1 mas by 2050, and {} to 10", above(1.0), above(10.0));
     assert!(sentence.contains(&wanted), "{wanted}");
 }

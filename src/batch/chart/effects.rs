@@ -18,8 +18,8 @@ use image::detector::{
     Background, Detector, DetectorConditions, DetectorParams, LinePattern, Nonlinearity, Rounding, RowNoise,
 };
 use image::detector::{
-    blooming::Blooming, colour_filter::ColourFilter, defects::population::DefectPopulation, gpu::GpuDetector,
-    image_lag::ImageLag, tdi::Tdi, window::Window,
+    blooming::Blooming, defects::population::DefectPopulation, gpu::GpuDetector, image_lag::ImageLag,
+    pattern::ColourFilter, tdi::Tdi, window::Window,
 };
 use image::render::gpu::Gpu;
 use plan::exposure::{Instrument, MethodChoice, Target, TargetCurve, TargetPath, TargetWay};

@@ -22,7 +22,7 @@ use glam::DVec3;
 use sky::astrometry::{at_epoch, years_since};
 use stars::catalog::{BANDS, Catalog, pack};
 use stars::layer::{FASTEST_MAS_YR, Layer, is_layer};
-use stars::{cover::chord_squared, credits};
+use stars::{credits, healpix::chord_squared};
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 

@@ -311,7 +311,7 @@ fn write_moment(facts: &mut Lines, params: &RunParams, begin: &str, moment: &Mom
 
 fn name_of(orbit: &Orbit) -> String {
     match orbit {
-        Orbit::Sgp4(orbit) => orbit.norad_id().to_string(),
+        Orbit::Sgp4(orbit) => orbit.norad_id.to_string(),
         Orbit::Circular(_) => "circular".into(),
         Orbit::TwoBody(_) => "two_body".into(),
     }

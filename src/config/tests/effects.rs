@@ -53,9 +53,7 @@ fn effects_of_neighbours_are_as_the_camera_file_says() {
     use image::detector::binning::{Binning, BinningKind};
     use image::detector::charge_transfer::{ChargeTransfer, OutputCorner};
     use image::detector::protons::{ProtonDirection, ProtonFlux};
-    use image::detector::{
-        blooming::Blooming, colour_filter::ColourFilter, image_lag::ImageLag, tdi::Tdi, window::Window,
-    };
+    use image::detector::{blooming::Blooming, image_lag::ImageLag, pattern::ColourFilter, tdi::Tdi, window::Window};
     let of = |section: &str, lines: &str| camera_with(section, lines).expect("a camera").detector.params.spatial;
     assert_eq!(of("detector.blooming", "drained_share = 0.25").blooming, Some(Blooming { drained_share: 0.25 }));
     assert_eq!(of("detector.blooming", "").blooming, Some(Blooming { drained_share: 0.0 }), "an empty table is on");

@@ -2,14 +2,13 @@
 //! when neighbour stages are on, a pass that makes charge, the neighbour stages, and a pass that reads out. Regions
 //! limit the pass that reads out; charge is made and moved in the whole image, where it comes from anywhere.
 
-use crate::detector::effect::{ORDER, Part, effects_of};
-use crate::detector::ends::{ChargeToDn, Mean, MeanToCharge, MeanToDn};
-use crate::detector::neighbour_stage::{FrameAt, NeighbourStage};
+use crate::detector::conditions::{Constants, DetectorConditions};
+use crate::detector::effect::{FrameAt, NeighbourStage, ORDER, Part, effects_of};
 use crate::detector::pattern::{PatternSizeError, Patterns};
+use crate::detector::stages::{ChargeToDn, Mean, MeanToCharge, MeanToDn, Stages};
 use crate::detector::{DetectorParams, Effect, neighbours};
 use crate::detector::{
-    background::Shape, conditions::DetectorConditions, constants::Constants, disturbances::Disturbances,
-    line_pattern::Lines, output::Output, seeds::Seeds, stages::Stages,
+    background::Shape, disturbances::Disturbances, line_pattern::Lines, output::Output, seeds::Seeds,
 };
 use base::image::{DnImage, Image};
 use base::random::key;

@@ -2,7 +2,7 @@
 
 use crate::detector::binning::{Binning, BinningKind, sums_of_squares};
 use crate::detector::pattern::{PatternSizeError, Patterns, normal_map};
-use crate::detector::{DetectorParams, colour_filter::ColourFilter};
+use crate::{detector::DetectorParams, detector::pattern::ColourFilter};
 use base::random::Stage;
 use std::sync::Arc;
 

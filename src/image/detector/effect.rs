@@ -4,6 +4,11 @@
 //! The effects before the neighbour stages make charge, those after them read it out. When no neighbour stage is on,
 //! all runs in one pass, block by block. Random words are counted by (frame, pixel, stage), not by pass: both forms
 //! draw the same numbers (`image::detector::cpu`'s tests, `tests/gpu/passes.rs`).
+//!
+//! [`NeighbourStage`] is the trait of stages that need more than one pixel or an earlier frame.
+
+use base::image::Image;
+use core::fmt::Debug;
 
 /// The stages, named.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -104,6 +109,30 @@ pub fn effects_of(part: Part) -> &'static [Effect] {
     let start = ORDER.iter().position(|effect| effect.part() == part).unwrap_or(ORDER.len());
     let length = ORDER.iter().filter(|effect| effect.part() == part).count();
     ORDER.get(start..start + length).unwrap_or_default()
+}
+
+/// The frame to which the charge belongs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FrameAt {
+    /// Number of the frame: random words are counted by it.
+    pub frame: u32,
+    /// Exposure time, s.
+    pub exposure_s: f64,
+    /// Key of the seed.
+    pub key: [u32; 2],
+}
+
+/// One stage.
+pub trait NeighbourStage: Debug + Send + Sync {
+    /// Returns which effect it is: stages run in the order of [`crate::detector::ORDER`].
+    fn effect(&self) -> Effect;
+
+    /// Changes the charge, e- per pixel, and returns the image that the next stage goes on with: the same one, or one
+    /// of the stage's own where the size changes.
+    fn apply<'a>(&'a mut self, charge: &'a mut Image<f32>, at: &FrameAt) -> &'a mut Image<f32>;
+
+    /// Clears its state from frame to frame.
+    fn reset(&mut self) {}
 }
 
 #[cfg(test)]

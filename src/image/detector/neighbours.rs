@@ -5,8 +5,8 @@
 //! [`stages`], never in a frame. [`crate::detector::gpu::neighbours`] has the same list on a device.
 
 use crate::detector::binning::{Binning, BinningKind, ChargeBinningStage};
-use crate::detector::neighbour_stage::{FrameAt, NeighbourStage};
-use crate::detector::{DetectorParams, Effect, full_well};
+use crate::detector::effect::{FrameAt, NeighbourStage};
+use crate::detector::{DetectorParams, Effect, readout};
 use crate::detector::{blooming::BloomingStage, charge_transfer::ChargeTransferStage, image_lag::ImageLagStage};
 use base::image::Image;
 
@@ -17,7 +17,7 @@ pub fn stages(params: &DetectorParams, size_px: [usize; 2], keep_charge: bool) -
     let mut stages: Vec<Box<dyn NeighbourStage>> = Vec::new();
     let spatial = &params.spatial;
     if let Some(lag) = &spatial.image_lag {
-        stages.push(Box::new(ImageLagStage::new(lag, full_well::limit_e(params), size_px)));
+        stages.push(Box::new(ImageLagStage::new(lag, readout::limit_e(params), size_px)));
     }
     if let Some(transfer) = &spatial.charge_transfer {
         stages.push(Box::new(ChargeTransferStage::new(transfer, size_px)));
@@ -25,7 +25,7 @@ pub fn stages(params: &DetectorParams, size_px: [usize; 2], keep_charge: bool) -
     if let Some(Binning { factor, kind: BinningKind::Charge { full_well_e } }) = spatial.binning {
         stages.push(Box::new(ChargeBinningStage::new(factor, full_well_e, size_px)));
     }
-    let full_well_e = full_well::limit_e(params);
+    let full_well_e = readout::limit_e(params);
     if let Some(blooming) = &spatial.blooming {
         stages.push(Box::new(BloomingStage::new(blooming, full_well_e, size_px)));
     } else if keep_charge || !stages.is_empty() {
@@ -36,7 +36,7 @@ pub fn stages(params: &DetectorParams, size_px: [usize; 2], keep_charge: bool) -
     stages
 }
 
-/// [`full_well::clip`] on a charge image.
+/// [`readout::clip`] on a charge image.
 #[derive(Debug)]
 struct ClipFullWell {
     full_well_e: f32,
@@ -48,7 +48,7 @@ impl NeighbourStage for ClipFullWell {
     }
 
     fn apply<'a>(&'a mut self, charge: &'a mut Image<f32>, _at: &FrameAt) -> &'a mut Image<f32> {
-        full_well::clip(charge.pixels_mut(), self.full_well_e);
+        readout::clip(charge.pixels_mut(), self.full_well_e);
         charge
     }
 }

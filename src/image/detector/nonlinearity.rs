@@ -8,7 +8,7 @@
 //! Tests: below, and `tests/physics/response.rs`.
 
 use crate::detector::block::BLOCK;
-use base::fused::mul_add;
+use base::{fused::mul_add, refused::Refused};
 
 /// Most knots.
 pub const MOST_KNOTS: usize = 4;
@@ -20,20 +20,6 @@ pub struct Nonlinearity {
     count: usize,
 }
 
-/// Reason why knots are rejected.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-pub enum KnotError {
-    /// too many knots
-    #[error("{0} knots, the most are {MOST_KNOTS}")]
-    TooMany(usize),
-    /// not a finite number
-    #[error("knot {0} is not finite")]
-    NotFinite(usize),
-    /// knots in the wrong order
-    #[error("knot {0}: both numbers must be larger than those of the knot before (the first, larger than 0)")]
-    NotRising(usize),
-}
-
 impl Nonlinearity {
     /// Charge is seen as it is.
     pub const OFF: Self = Self { knots_e: [[0.0; 2]; MOST_KNOTS], count: 0 };
@@ -42,18 +28,21 @@ impl Nonlinearity {
     ///
     /// # Errors
     /// When there are too many knots, or they do not rise.
-    pub fn through(knots_e: &[[f64; 2]]) -> Result<Self, KnotError> {
+    pub fn through(knots_e: &[[f64; 2]]) -> Result<Self, Refused> {
         if knots_e.len() > MOST_KNOTS {
-            return Err(KnotError::TooMany(knots_e.len()));
+            return Err(Refused(format!("{} knots, the most are {MOST_KNOTS}", knots_e.len())));
         }
         let mut made = Self { count: knots_e.len(), ..Self::OFF };
         let mut before = [0.0; 2];
         for (i, (knot, to)) in knots_e.iter().zip(&mut made.knots_e).enumerate() {
             if knot.iter().any(|e| !e.is_finite()) {
-                return Err(KnotError::NotFinite(i + 1));
+                return Err(Refused(format!("knot {} is not finite", i + 1)));
             }
             if knot[0] <= before[0] || knot[1] <= before[1] {
-                return Err(KnotError::NotRising(i + 1));
+                return Err(Refused(format!(
+                    "knot {}: both numbers must be larger than those of the knot before (the first, larger than 0)",
+                    i + 1
+                )));
             }
             *to = *knot;
             before = *knot;

@@ -2,7 +2,7 @@
 
 use crate::detector::block::{BLOCK, Words};
 use crate::detector::poisson::{BlockPlace, draw_by};
-use crate::detector::{adc, dark_current, full_well, line_pattern, nonlinearity, read_noise};
+use crate::detector::{dark_current, line_pattern, nonlinearity, read_noise, readout};
 use crate::detector::{effect::Effect, outliers::Outlier, stages::Stages};
 
 impl Stages<'_> {
@@ -43,7 +43,7 @@ impl Stages<'_> {
             }
             Effect::Defects => outliers.iter().for_each(|o| electrons[o.pixel as usize - first] += o.dark_e),
             Effect::ProtonTracks => outliers.iter().for_each(|o| electrons[o.pixel as usize - first] += o.charge_e),
-            Effect::FullWell => full_well::clip(electrons, c.full_well_e),
+            Effect::FullWell => readout::clip(electrons, c.full_well_e),
             Effect::Nonlinearity => {
                 if let Some(pieces) = &c.nonlinearity {
                     nonlinearity::bend::<FUSED>(electrons, pieces);
@@ -72,7 +72,7 @@ impl Stages<'_> {
                     read_noise::add::<FUSED>(electrons, words, c.read_noise_e);
                 }
             }
-            Effect::Adc => adc::convert::<FUSED>(electrons, c, dn),
+            Effect::Adc => readout::convert::<FUSED>(electrons, c, dn),
             // These run over whole images, elsewhere.
             Effect::ImageLag | Effect::ChargeTransfer | Effect::Binning | Effect::Stuck | Effect::Window => {}
         }

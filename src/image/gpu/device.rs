@@ -4,8 +4,11 @@
 //! `XDG_RUNTIME_DIR` is not set; `NODEVICE_SELECT=1` keeps it quiet). wgpu reports most mistakes and losses to
 //! callbacks: they are kept here and come back as [`crate::gpu::GpuError::Failed`] from
 //! [`crate::gpu::GpuDevice::check`], which every wait calls.
+//!
+//! [`FrameTimes`] has where the wall time of a frame went on the host's side. Device timestamps are not used: software
+//! adapters report nonsense for them, and the deadline is on the wall anyway.
 
-use crate::gpu::error::GpuError;
+use base::time::Span;
 use core::time::Duration;
 use std::sync::{Arc, OnceLock};
 use wgpu::DeviceType;
@@ -168,6 +171,77 @@ fn no_adapter(infos: &[wgpu::AdapterInfo], choice: &AdapterChoice) -> GpuError {
     };
     let found: Vec<&str> = infos.iter().map(|info| info.name.as_str()).collect();
     GpuError::NoAdapter { wanted, found: if found.is_empty() { "none".into() } else { found.join(", ") } }
+}
+
+/// Why the GPU could not be used.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum GpuError {
+    /// no Vulkan adapter was found
+    #[error("no Vulkan adapter{wanted}: found {found}; install a driver (mesa-vulkan-drivers has a software one)")]
+    NoAdapter {
+        /// Adapter that was requested beyond "any", as text after "adapter".
+        wanted: String,
+        /// Adapters that were found.
+        found: String,
+    },
+    /// the adapter is there but gives no device
+    #[error("adapter {adapter} gives no device: {reason}")]
+    NoDevice {
+        /// Name of the adapter.
+        adapter: String,
+        /// Reason given by the driver.
+        reason: String,
+    },
+    /// a buffer is larger than the device takes
+    #[error("{what}: got {got} bytes, the device takes at most {most}")]
+    TooLarge {
+        /// Contents of the buffer, as a word.
+        what: &'static str,
+        /// Bytes wanted.
+        got: u64,
+        /// Bytes allowed.
+        most: u64,
+    },
+    /// the device failed or was lost
+    #[error("the GPU failed: {0}")]
+    Failed(String),
+    /// something that only the CPU can do
+    #[error("{what} \"{got}\" is not drawn on a GPU: wanted \"{wanted}\", or the CPU backend")]
+    CpuOnly {
+        /// The parameter.
+        what: &'static str,
+        /// Its value.
+        got: String,
+        /// The value that a GPU knows.
+        wanted: &'static str,
+    },
+    /// an image of one size met a pass made for another
+    #[error("{what}: got an image of {got:?} px, wanted {wanted:?}")]
+    Size {
+        /// Name of the pass.
+        what: &'static str,
+        /// Width and height given.
+        got: [usize; 2],
+        /// Width and height it was made for.
+        wanted: [usize; 2],
+    },
+}
+
+/// Wall time of one frame's trip through the detector pass.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FrameTimes {
+    /// Writing parameters, recording and submitting.
+    pub submit: Span,
+    /// Waiting for the GPU until all submitted work is done, drawing included.
+    pub wait: Span,
+    /// Copying out.
+    pub copy: Span,
+}
+
+impl Default for FrameTimes {
+    fn default() -> Self {
+        Self { submit: Span::ZERO, wait: Span::ZERO, copy: Span::ZERO }
+    }
 }
 
 #[cfg(test)]

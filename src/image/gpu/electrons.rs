@@ -3,7 +3,8 @@
 //! Every pixel is a signed 32-bit sum; `electrons = sum / scale`, with `scale` a power of two that the pass that drew
 //! the image chose so that no sum can wrap. Signed, because tabulated PSFs dip below zero by a millionth of their peak.
 
-use crate::gpu::{buffers::GrowableBuffer, device::GpuDevice, error::GpuError, readback::ReadbackRing};
+use crate::gpu::buffers::{GrowableBuffer, ReadbackRing};
+use crate::gpu::device::{GpuDevice, GpuError};
 use base::image::Image;
 
 /// Fixed-point electrons of every pixel, row by row.

@@ -8,16 +8,10 @@
 pub mod buffers;
 pub mod device;
 pub mod electrons;
-pub mod error;
-pub mod passes;
-pub mod readback;
 pub mod shader;
-pub mod texture;
-pub mod timing;
 
-pub use device::{AdapterChoice, GpuDevice};
+pub use device::{AdapterChoice, GpuDevice, GpuError};
 pub use electrons::DeviceElectrons;
-pub use error::GpuError;
 
 use base::image::Image;
 

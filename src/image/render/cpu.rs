@@ -6,13 +6,13 @@
 //! effective PSFs come from tables. Error: f32, < 2e-7 of the peak (Gaussian), `TABLE_ERROR` (tables); `tests/physics`.
 
 use crate::gpu::Electrons;
-use crate::render::band_pixels::{Band, add_clipped, add_lanes};
 use crate::render::bands::{BAND_ROWS, BLOCK, Bands, NO_KERNEL, NodeColumns, Spot, Trail};
+use crate::render::bands::{Band, add_clipped, add_lanes};
 use crate::render::stamp::{Stamped, stamp};
 use crate::render::table::{Form, PsfTable};
 use crate::render::whole::{TILE_PX, WholeImage};
 use crate::render::{Backend, check_kernel, check_sampling};
-use crate::render::{grid::LANES, plan_tables::PlanTables, profile::Profile, taps::Taps};
+use crate::render::{grid::LANES, plan_tables::PlanTables, profile::Profile, spline::Taps};
 use base::fused::{mul_add, whole_bits};
 use base::{image::Image, refused::Refused, region::Regions};
 use plan::exposure::{ExposurePlan, sampling::ANALYTIC_HALF_PX};

@@ -5,8 +5,8 @@
 //! sum (`sqrt 3 z^|j|`, `z = sqrt 3 - 2`, 1e-7 beyond twelve), so every loop is a vector loop. Tests: the table's
 //! tests and the agreement tests of both backends.
 
-use crate::render::erf::erf;
 use crate::render::grid::{Grid, LANES, reserve_as};
+use crate::render::profile::erf;
 use base::fused::mul_add;
 use plan::exposure::moments::TracePoint;
 use pulp::{Arch, NullaryFnOnce};

@@ -4,23 +4,20 @@
 //! * `gpu`: wgpu compute; the same methods in the same order, integer accumulation, repeats bit for bit.
 //! * `reference`: f64, slow, integrates the exact motion: the truth that the others are compared with.
 
-mod band_pixels;
 mod bands;
 pub mod cpu;
-pub mod erf;
 pub mod gpu;
 pub mod grid;
 mod kernel;
 pub mod overlap;
 pub mod plan_tables;
 mod products;
-mod profile;
+pub mod profile;
 mod psf_samples;
 pub mod reference;
 pub mod spline;
 mod stamp;
 pub mod table;
-mod taps;
 mod whole;
 
 use crate::gpu::Electrons;

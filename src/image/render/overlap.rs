@@ -4,8 +4,7 @@
 //! targets)`. This is the mask of some simulations, not physics: photons add. It is off unless asked for, and then
 //! costs a second drawing and a pass over the image. Tests: below, `tests/physics/overlap.rs`, `tests/gpu/overlap.rs`.
 
-use crate::gpu::Electrons;
-use crate::render::Backend;
+use crate::{gpu::Electrons, render::Backend};
 use base::{image::Image, refused::Refused};
 use plan::exposure::ExposurePlan;
 
@@ -16,7 +15,8 @@ pub struct Apart {
     single: Image<f32>,
     precise: Image<f64>,
     is_precise: bool,
-    lost_e: f64,
+    /// Electrons that the latest image lacks: the light of the fainter in every pixel.
+    pub lost_e: f64,
 }
 
 impl Apart {
@@ -24,11 +24,6 @@ impl Apart {
     pub fn new() -> Self {
         let (single, precise) = (Image::new(0, 0), Image::new(0, 0));
         Self { half: None, single, precise, is_precise: false, lost_e: 0.0 }
-    }
-
-    /// Returns electrons that the latest image lacks: the light of the fainter in every pixel.
-    pub fn lost_e(&self) -> f64 {
-        self.lost_e
     }
 
     /// Returns the plan without its targets.

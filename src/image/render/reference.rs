@@ -8,15 +8,13 @@
 //! [`LARGEST_HALF_PX`](plan::optics::psf::LARGEST_HALF_PX) from a star: the light of its wings beyond that is lost here
 //! too.
 
-use crate::gpu::Electrons;
-use crate::render::Backend;
+use crate::{gpu::Electrons, render::Backend};
 use base::{image::Image, refused::Refused};
 use plan::exposure::track::{StarPlace, turned};
 use plan::exposure::{ExposurePlan, Motion, PixelPath, PixelPoint, PlannedStar, PlannedTarget, Shutter};
+use plan::exposure::{line::for_each_segment, target_plan::seen_after_mid_s};
+use plan::optics::quadrature::gauss_legendre;
 use plan::optics::{PsfForm, PsfModel, gaussian};
-use plan::{
-    exposure::line::for_each_segment, exposure::target_plan::seen_after_mid_s, optics::quadrature::gauss_legendre,
-};
 use rayon::prelude::*;
 
 /// Nodes per panel.

@@ -2,7 +2,7 @@
 //!
 //! Tests: the agreement tests of the CPU backend; `products_and_images_are_one_star` below.
 
-use crate::render::band_pixels::{Band, add_clipped, add_lanes};
+use crate::render::bands::{Band, add_clipped, add_lanes};
 use crate::render::{grid::LANES, products::MOST_TERMS, table::PsfTable};
 use base::fused::mul_add;
 

@@ -19,7 +19,7 @@ use base::{refused::Refused, source::direction_from_ra_dec, units::DEG};
 use core::f64::consts::{PI, TAU};
 use glam::DVec3;
 use rayon::prelude::*;
-use stars::cover::CIRCLE;
+use stars::healpix::CIRCLE;
 use stars::layer::{
     Head, LayerReport, LayerWriter, NewStar, StarRecord, UnnamedLayer, layer_name, order_for, tile_records, tiles_of,
 };

@@ -137,7 +137,7 @@ fn beyond(newest: &AttitudeState, at: Tai, limits: &EstimateLimits) -> Estimated
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::attitude::{ring::HistoryLimits, sample::AttitudeSample};
+    use crate::attitude::{history::AttitudeSample, ring::HistoryLimits};
     use base::axes::Rotation;
     use glam::DVec3;
 

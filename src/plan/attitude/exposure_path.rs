@@ -7,7 +7,8 @@
 
 use crate::attitude::estimate::{Decision, EstimateLimits, EstimatedAttitude, decide, state_at};
 use crate::attitude::jitter::{JitterCoverage, JitterHistory};
-use crate::attitude::{error::AttitudeError, history::AttitudeHistory, los::LosPath, residual};
+use crate::attitude::los::{self, LosPath};
+use crate::attitude::{error::AttitudeError, history::AttitudeHistory};
 use base::axes::{Body, Rotation, Sensor};
 use base::time::{Span, Tai};
 use glam::DVec3;
@@ -184,9 +185,9 @@ impl Motion<'_> {
             let smooth_rad = rate_rad_s * t_s + acceleration_rad_s2 * (0.5 * t_s * t_s);
             sensor_from_body.apply(self.turned_rad(middle, at) - smooth_rad)
         };
-        let largest_rad = residual::largest_rad(self.exposure_start, self.end(), residual_at);
-        if largest_rad > residual::RESIDUAL_TOLERANCE_RAD {
-            residual::add_knots(&mut path.jitter, self.exposure_start, self.end(), largest_rad, residual_at);
+        let largest_rad = los::largest_rad(self.exposure_start, self.end(), residual_at);
+        if largest_rad > los::RESIDUAL_TOLERANCE_RAD {
+            los::add_knots(&mut path.jitter, self.exposure_start, self.end(), largest_rad, residual_at);
         }
         largest_rad
     }

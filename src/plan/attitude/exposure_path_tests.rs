@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::attitude::los::{JitterPoint, PathOrigin};
-use crate::attitude::{estimate::StalePolicy, ring::HistoryLimits, sample::AttitudeSample};
+use crate::attitude::{estimate::StalePolicy, history::AttitudeSample, ring::HistoryLimits};
 use base::axes::Icrf;
 use base::units::{ARCSEC, DEG};
 use core::f64::consts::TAU;

@@ -10,7 +10,7 @@
 //! *Limits.* Less than 270 degrees between samples; the acceleration neglects terms of relative size `|phi|^2 / 12`.
 //! *Validation.* `wobble_error_meets_its_bound`.
 
-use crate::attitude::{predict::AttitudeState, sample::AttitudeSample};
+use crate::attitude::{history::AttitudeSample, predict::AttitudeState};
 use base::time::Tai;
 use core::f64::consts::{FRAC_PI_2, TAU};
 use glam::DVec3;

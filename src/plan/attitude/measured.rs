@@ -4,9 +4,10 @@
 //! longest period and, for the interpolation, of seven places between the samples. Samples are perfect: the result is
 //! the method's error alone. A worst phase between the starts is missed by at most `1 - cos(pi / 96)`, 0.06 %.
 
+use crate::attitude::history::{AttitudeHistory, AttitudeSample};
 use crate::attitude::method::{AttitudeMethod, state_by};
-use crate::attitude::motion_scale::{MotionScale, Sinusoid};
-use crate::attitude::{history::AttitudeHistory, ring::HistoryLimits, sample::AttitudeSample};
+use crate::attitude::method_bound::{MotionScale, Sinusoid};
+use crate::attitude::ring::HistoryLimits;
 use base::axes::{Body, Icrf, Rotation};
 use base::time::{Span, Tai};
 use core::f64::consts::TAU;

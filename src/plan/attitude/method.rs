@@ -14,25 +14,26 @@
 //! do not contain errors of the samples themselves (noise, wire format, time tags): see
 //! [`PredictionErrors`](super::PredictionErrors). *Validation.* `tests/physics/attitude_methods.rs`.
 
+use crate::attitude::history::{AttitudeHistory, AttitudeSample};
+use crate::attitude::method_bound::{self, MotionScale};
 use crate::attitude::predict::{AttitudeState, held_state, predict};
-use crate::attitude::{
-    error::AttitudeError, history::AttitudeHistory, interpolate::interpolate, method_bound, motion_scale::MotionScale,
-    sample::AttitudeSample,
-};
+use crate::attitude::{error::AttitudeError, interpolate::interpolate};
 use base::time::{Span, Tai};
 use core::fmt;
 
-/// Method to compute the attitude at an instant from samples, in the order of the data they need.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum AttitudeMethod {
-    /// The last sample's attitude.
-    Hold,
-    /// The last sample's attitude, turned at its rate.
-    ConstantRate,
-    /// The last sample's attitude, turned at a rate that changes by its acceleration.
-    ConstantAcceleration,
-    /// The cubic through the samples on both sides.
-    Interpolation,
+base::words! {
+    /// Method to compute the attitude at an instant from samples, in the order of the data they need.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+    pub enum AttitudeMethod {
+        /// The last sample's attitude.
+        Hold = "hold",
+        /// The last sample's attitude, turned at its rate.
+        ConstantRate = "constant-rate",
+        /// The last sample's attitude, turned at a rate that changes by its acceleration.
+        ConstantAcceleration = "constant-acceleration",
+        /// The cubic through the samples on both sides.
+        Interpolation = "interpolation",
+    }
 }
 
 /// Distances of the samples from the instant.
@@ -80,19 +81,6 @@ pub struct AttitudeAssessment {
 pub(super) const INTERPOLATION_TURN_MAX_RAD: f64 = 1.0;
 
 impl AttitudeMethod {
-    /// All methods, the least demanding first.
-    pub const ALL: [Self; 4] = [Self::Hold, Self::ConstantRate, Self::ConstantAcceleration, Self::Interpolation];
-
-    /// Returns the name in tables.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Hold => "hold",
-            Self::ConstantRate => "constant-rate",
-            Self::ConstantAcceleration => "constant-acceleration",
-            Self::Interpolation => "interpolation",
-        }
-    }
-
     /// Returns the largest error, rad, for any motion within `motion`'s magnitudes, in any phase and direction, from
     /// perfect samples.
     ///

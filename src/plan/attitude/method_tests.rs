@@ -1,5 +1,5 @@
 use super::*;
-use crate::attitude::{motion_scale::Sinusoid, ring::HistoryLimits};
+use crate::attitude::{method_bound::Sinusoid, ring::HistoryLimits};
 use base::axes::Rotation;
 use base::units::{ARCSEC, DEG};
 use core::f64::consts::PI;

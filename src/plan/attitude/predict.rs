@@ -5,7 +5,7 @@
 //! effects have the bounds of [`PredictionErrors`]; `errors_stay_within_their_bounds_on_both_sides` compares each with
 //! analytic motion.
 
-use crate::attitude::sample::AttitudeSample;
+use crate::attitude::history::AttitudeSample;
 use base::axes::{Body, Icrf, Rotation};
 use base::time::{Span, Tai};
 use glam::DVec3;

@@ -4,19 +4,18 @@ mod weighing;
 
 use crate::exposure::cost::{CostModel, Load};
 use crate::exposure::method::{Method, MethodChoice, MethodName};
-use crate::exposure::motion::{Motion, Shutter};
+use crate::exposure::motion::{Instrument, Motion, Shutter};
 use crate::exposure::plan::{Assessment, ExposurePlan, MOTION_SHARE, StarClass, Verdict};
+use crate::exposure::pose::{PathNode, PixelPath};
 use crate::exposure::probes::{Probes, SIDE};
 use crate::exposure::sampling::{ANALYTIC_HALF_PX, SamplingError, drawn_table_error, sampling_error};
 use crate::exposure::trial::{Noise, Trial, TriedError};
 use crate::exposure::weigh::{Scales, ShapeOf, WINDOW_PX, light_share, shear_error, stretch_error};
 use crate::exposure::whole::{self, Wings};
 use crate::exposure::{
-    dense::DENSE_RESERVED, instrument::Instrument, lists::fill_nodes, mean_field::MeanField, node_error::NodeError,
-    pixel_path::PixelPath, planned_star::PlannedStar, pose::PathNode,
+    line::DENSE_RESERVED, lists::fill_nodes, mean_field::MeanField, shape_change::NodeError, source::PlannedStar,
 };
-use base::accuracy::AccuracyBudget;
-use base::drawn::Degradation;
+use base::{accuracy::AccuracyBudget, drawn::Degradation};
 use rayon::prelude::*;
 
 /// Rounding of single-precision drawing, px.
@@ -66,9 +65,9 @@ struct Weighed {
     tried: Option<TriedError>,
 }
 
-/// Weighs and chooses methods; keeps its buffers.
+/// What is drawn, how accurately, and what it costs: the same for all frames.
 #[derive(Debug)]
-pub(super) struct Chooser {
+pub(super) struct Setting {
     instrument: Instrument,
     budget: AccuracyBudget,
     cost: CostModel,
@@ -77,6 +76,14 @@ pub(super) struct Chooser {
     sampling: SamplingError,
     /// Error of tables, where stars are drawn from them.
     table: SamplingError,
+    /// True when the backend integrates the exact path with any method.
+    is_exact: bool,
+}
+
+/// Weighs and chooses methods; keeps its buffers.
+#[derive(Debug)]
+pub(super) struct Chooser {
+    pub(super) setting: Setting,
     scales: Scales,
     lists: Vec<Vec<PathNode>>,
     /// Buffer for the dense nodes of one row.
@@ -100,8 +107,6 @@ pub(super) struct Chooser {
     /// True when results on a few stars count for all, because the motion is smooth and the planner chooses. A method
     /// selected by the user, and any method for another motion, must be inside the budget by its bound.
     accepts_tried: bool,
-    /// True when the backend integrates the exact path with any method.
-    is_exact: bool,
     /// Errors in the wings of stars.
     pub(super) wings: Wings,
     /// True when every method is weighed.
@@ -119,15 +124,19 @@ impl Chooser {
         choice: MethodChoice,
         half_px: usize,
     ) -> Self {
-        Self {
+        let setting = Setting {
             sampling: sampling_error(&instrument.psf, instrument.sampling),
             table: drawn_table_error(&instrument.psf),
-            scales: Scales::new(instrument.psf.core_sigma_px()),
             instrument: instrument.clone(),
             budget,
             cost,
             choice,
             half_px,
+            is_exact: false,
+        };
+        Self {
+            setting,
+            scales: Scales::new(instrument.psf.core_sigma_px()),
             lists: (0..SIDE).map(|_| Vec::with_capacity(MOST_JITTER_NODES)).collect(),
             dense: Vec::with_capacity(DENSE_RESERVED),
             weighed: Vec::with_capacity(64),
@@ -141,7 +150,6 @@ impl Chooser {
             order: Vec::with_capacity(64),
             is_tried: false,
             accepts_tried: false,
-            is_exact: false,
             wings: Wings::new(instrument, half_px, budget.pixel_sigma),
             is_thorough: false,
             limit_ms: f64::INFINITY,
@@ -150,8 +158,8 @@ impl Chooser {
 
     /// Sets a backend that integrates every star's exact path in footprints of `half_px`.
     pub(super) fn draw_exactly(&mut self, half_px: usize) {
-        self.is_exact = true;
-        self.half_px = half_px;
+        self.setting.is_exact = true;
+        self.setting.half_px = half_px;
         self.wings = self.wings.all_whole(half_px);
     }
 
@@ -161,20 +169,20 @@ impl Chooser {
         self.rolling_flux = 0.0;
         self.bands = 1;
         self.is_tried = false;
-        self.accepts_tried = motion.is_smooth() && !self.is_fixed();
+        self.accepts_tried = motion.is_smooth() && !self.setting.is_fixed();
         self.weighed.clear();
         self.moves = !motion.is_still();
         if !self.moves {
             return;
         }
         self.scales.watch(probes);
-        let sigma_px = self.instrument.psf.core_sigma_px();
+        let sigma_px = self.setting.instrument.psf.core_sigma_px();
         let mean_px = |track: &_| means.displacement_px(track);
         let mean_px = BETWEEN_CHECKS * probes.mean_error_px(motion, sigma_px, &mut self.dense, mean_px);
         let dense = dense_error(motion, probes, sigma_px);
         self.common =
             NodeError { centroid_px: mean_px + dense * sigma_px, peak: STEEPEST * mean_px / sigma_px + dense };
-        if let Shutter::Rolling { line_s } = self.instrument.shutter {
+        if let Shutter::Rolling { line_s } = self.setting.instrument.shutter {
             let speed_px_s = probes.reach_px / motion.los.exposure_s;
             self.common = self.common.plus(shear_error(speed_px_s, line_s, sigma_px));
             self.rolling_flux = stretch_error(speed_px_s, line_s, sigma_px, motion.is_smooth());
@@ -191,8 +199,10 @@ impl Chooser {
             if bands == 1 {
                 self.one_band = error;
             }
-            let limit = BAND_SHARE * self.budget.centroid_px;
-            if error.centroid_px <= limit && error.peak <= STEEPEST * limit / self.instrument.psf.core_sigma_px() {
+            let limit = BAND_SHARE * self.setting.budget.centroid_px;
+            if error.centroid_px <= limit
+                && error.peak <= STEEPEST * limit / self.setting.instrument.psf.core_sigma_px()
+            {
                 break;
             }
         }
@@ -201,8 +211,8 @@ impl Chooser {
 
     /// Returns the error of drawing rows at the edge of a band with the path of the band's middle.
     fn band_error(&mut self, motion: &Motion, probes: &Probes, bands: usize) -> NodeError {
-        let height = self.instrument.camera.height_px();
-        let half_s = 0.5 * self.instrument.shutter.line_s() * height as f64 / bands as f64;
+        let height = self.setting.instrument.camera.height_px();
+        let half_s = 0.5 * self.setting.instrument.shutter.line_s() * height as f64 / bands as f64;
         // Listed positions are complete; for other paths this number of samples is enough for the comparison.
         let listed = matches!(motion.image_path, Some(PixelPath::Samples(_)));
         let count = if listed { probes.dense().len() } else { probes.dense().len().clamp(64, 1024) };
@@ -237,14 +247,14 @@ impl Chooser {
         if self.weighed.is_empty() {
             self.weigh(&plan.motion, brightest_e, probes);
         }
-        let budget = degradation.loosened(&self.budget);
-        let pixels = self.instrument.camera.width_px() * self.instrument.camera.height_px();
-        let empty_ms = self.cost.empty_frame_ms(pixels, self.moves);
+        let budget = degradation.loosened(&self.setting.budget);
+        let pixels = self.setting.instrument.camera.width_px() * self.setting.instrument.camera.height_px();
+        let empty_ms = self.setting.cost.empty_frame_ms(pixels, self.moves);
         let limit_ms = self.limit_ms - empty_ms;
         let all = StarClass { brightest_e, stars: plan.stars.len(), ..StarClass::none(plan.chosen) };
         let from_e = plan.whole.from_e;
         let mut together = self.best(&all, &budget, degradation, (plan.extent_px, limit_ms), probes);
-        let may_help = !self.is_exact && (degradation < Degradation::MotionOut || self.is_fixed());
+        let may_help = !self.setting.is_exact && (degradation < Degradation::MotionOut || self.setting.is_fixed());
         if self.moves && may_help && !self.is_tried && !together.chosen.verdict.keeps_shape() {
             self.try_methods(plan, &all, &budget, probes);
             together = self.best(&all, &budget, degradation, (plan.extent_px, limit_ms), probes);
@@ -252,12 +262,15 @@ impl Chooser {
         plan.assessed.clear();
         plan.assessed.extend(self.weighed.iter().map(|weighed| {
             let (assessment, _) = self.assess(weighed, &all, &budget, plan.extent_px, probes);
-            let assessment = self.with_wings(assessment, all.brightest_e, from_e, &budget);
+            let assessment = self.wings.added_to(assessment, all.brightest_e, from_e, &budget);
             Assessment { cost_ms: assessment.cost_ms + empty_ms, ..assessment }
         }));
         plan.assessed.sort_by(|a, b| a.cost_ms.total_cmp(&b.cost_ms));
         plan.classes.clear();
-        if matches!(self.choice, MethodChoice::Auto) && degradation < Degradation::MotionOut && self.weighed.len() > 1 {
+        if matches!(self.setting.choice, MethodChoice::Auto)
+            && degradation < Degradation::MotionOut
+            && self.weighed.len() > 1
+        {
             self.choose_by_class(plan, brightest_e, &budget, degradation, probes);
         }
         let apart_ms: f64 = plan.classes.iter().map(|class| class.chosen.cost_ms).sum();
@@ -265,14 +278,14 @@ impl Chooser {
             plan.classes.clear();
             plan.classes.push(together);
         }
-        self.split_whole(plan);
+        split_whole(plan, self.bands);
         for class in &mut plan.classes {
-            class.chosen = self.with_wings(class.chosen, class.brightest_e, from_e, &budget);
+            class.chosen = self.wings.added_to(class.chosen, class.brightest_e, from_e, &budget);
         }
         let stars_ms: f64 = plan.classes.iter().map(|class| class.chosen.cost_ms).sum();
         plan.chosen = Assessment { cost_ms: empty_ms + stars_ms, ..plan.classes[0].chosen };
-        if self.is_exact {
-            let flux_rel = self.instrument.psf.lost_flux(self.half_px);
+        if self.setting.is_exact {
+            let flux_rel = self.setting.instrument.psf.lost_flux(self.setting.half_px);
             let verdict = if flux_rel > budget.flux_rel { Verdict::FluxOverBudget } else { Verdict::Fits };
             plan.chosen = Assessment { centroid_px: 0.0, pixel_sigma: 0.0, flux_rel, verdict, ..plan.chosen };
         }
@@ -282,18 +295,21 @@ impl Chooser {
     /// cannot be the best keeps its bound.
     fn try_methods(&mut self, plan: &ExposurePlan, all: &StarClass, budget: &AccuracyBudget, probes: &Probes) {
         self.is_tried = true;
-        let sigma_px = self.instrument.psf.core_sigma_px();
-        let (full_well_e, read_noise_e_rms) = (self.instrument.full_well_e, self.instrument.read_noise_e_rms);
+        let sigma_px = self.setting.instrument.psf.core_sigma_px();
+        let (full_well_e, read_noise_e_rms) =
+            (self.setting.instrument.full_well_e, self.setting.instrument.read_noise_e_rms);
         let noise = Noise { full_well_e, read_noise_e_rms, sigma_px };
         let mut trial = core::mem::take(&mut self.trial);
         trial.prepare(plan, probes, sigma_px, if self.limit_ms.is_finite() { TRIED_IN_TIME } else { TRIED });
         let mut order = core::mem::take(&mut self.order);
         order.clear();
-        let one_psf = self.instrument.psf.blended() == 1;
+        let one_psf = self.setting.instrument.psf.blended() == 1;
         order.extend((0..self.weighed.len()).filter(|i| one_psf && self.weighed[*i].can_be_tried()));
-        let cost_ms = |i: &usize| self.cost.stars_ms(self.weighed[*i].method, &self.load(all.stars, plan.extent_px));
+        let cost_ms =
+            |i: &usize| self.setting.cost.stars_ms(self.weighed[*i].method, &self.load(all.stars, plan.extent_px));
         order.sort_unstable_by(|a, b| cost_ms(a).total_cmp(&cost_ms(b)).then(a.cmp(b)));
-        let (is_tracked, shows_all) = (self.is_tracked(all.brightest_e), self.is_thorough || self.is_fixed());
+        let (is_tracked, shows_all) =
+            (self.setting.is_tracked(all.brightest_e), self.is_thorough || self.setting.is_fixed());
         let mut least = f64::INFINITY;
         for &i in &order {
             let method = self.weighed[i].method;
@@ -310,44 +326,6 @@ impl Chooser {
         (self.trial, self.order) = (trial, order);
     }
 
-    /// Moves the stars that are drawn whole from the brightest classes to one of their own, which keeps the nodes of the
-    /// first; the methods of the other stars stay as they are.
-    fn split_whole(&self, plan: &mut ExposurePlan) {
-        let (from_e, half_px) = (plan.whole.from_e, plan.whole.half_px);
-        let Some(first) = plan.classes.first().copied().filter(|class| class.brightest_e >= from_e) else { return };
-        let stars = whole::count(&plan.stars, from_e);
-        let mut left = stars;
-        for class in &mut plan.classes {
-            let taken = left.min(class.stars);
-            (class.stars, left) = (class.stars - taken, left - taken);
-            class.brightest_e = class.brightest_e.min(from_e);
-        }
-        plan.classes.retain(|class| class.stars > 0);
-        let cost_ms = whole::cost_ms(half_px, first.chosen.method.nodes(), stars);
-        let chosen = Assessment { cost_ms, ..first.chosen };
-        plan.classes
-            .insert(0, StarClass { faintest_e: from_e, stars, bands: self.bands, chosen, is_whole: true, ..first });
-    }
-
-    /// Adds the error in the wings of a star if it is larger. It is the same for all methods: light outside the
-    /// footprint, and single precision. Both grow with all of the star's light, though an overexposed star's core
-    /// saturates; from `from_e` on, stars are drawn whole.
-    fn with_wings(&self, assessment: Assessment, brightest_e: f64, from_e: f64, budget: &AccuracyBudget) -> Assessment {
-        let pixel_sigma = assessment.pixel_sigma.max(self.wings.sigma(brightest_e, from_e));
-        let verdict = match assessment.verdict {
-            Verdict::Fits | Verdict::FluxOverBudget if pixel_sigma > budget.pixel_sigma => Verdict::PixelOverBudget,
-            verdict @ (Verdict::Fits
-            | Verdict::NeedsSmoothMotion
-            | Verdict::PathTooLong
-            | Verdict::TooManyKernels
-            | Verdict::OtherSampling
-            | Verdict::CentroidOverBudget
-            | Verdict::PixelOverBudget
-            | Verdict::FluxOverBudget) => verdict,
-        };
-        Assessment { pixel_sigma, verdict, ..assessment }
-    }
-
     fn choose_by_class(
         &self,
         plan: &mut ExposurePlan,
@@ -356,7 +334,7 @@ impl Chooser {
         degradation: Degradation,
         probes: &Probes,
     ) {
-        let begin_e = brightest_e.min(self.saturating_e());
+        let begin_e = brightest_e.min(self.setting.saturating_e());
         let faintest_e: [f64; CLASSES] =
             core::array::from_fn(|i| if i + 1 == CLASSES { 0.0 } else { begin_e * CLASS_STEP.powi(-(i as i32 + 1)) });
         let counted = count_classes(&plan.stars, faintest_e);
@@ -371,16 +349,11 @@ impl Chooser {
                     before.stars += class.stars;
                     before.faintest_e = class.faintest_e;
                     let load = self.load(before.stars, plan.extent_px);
-                    before.chosen.cost_ms = self.cost.stars_ms(before.chosen.method, &load);
+                    before.chosen.cost_ms = self.setting.cost.stars_ms(before.chosen.method, &load);
                 }
                 _ => plan.classes.push(class),
             }
         }
-    }
-
-    /// Returns the electrons of a star that saturates its brightest pixel: errors of brighter stars are not larger.
-    fn saturating_e(&self) -> f64 {
-        self.instrument.full_well_e / self.instrument.psf.peak()
     }
 
     /// Returns the cheapest method for one class that is inside the budget; without one, the most accurate one of those
@@ -393,7 +366,7 @@ impl Chooser {
         (extent_px, limit_ms): (f64, f64),
         probes: &Probes,
     ) -> StarClass {
-        let wanted = match self.choice {
+        let wanted = match self.setting.choice {
             MethodChoice::Fixed(name, _) => Some(name),
             MethodChoice::Auto if degradation >= Degradation::MotionOut => Some(MethodName::Static),
             MethodChoice::Auto => None,
@@ -416,21 +389,90 @@ impl Chooser {
         StarClass { chosen, bands: if chosen.method.kernels() > 0 { 1 } else { self.bands }, ..*class }
     }
 
-    /// Returns true when the user fixed the method.
-    pub(super) fn is_fixed(&self) -> bool {
-        matches!(self.choice, MethodChoice::Fixed(..))
-    }
-
     /// Returns how many of the plan's stars fit `limit_ms` with the present method of the plan.
     pub(super) fn stars_within(&self, plan: &ExposurePlan, limit_ms: f64) -> usize {
-        let pixels = self.instrument.camera.width_px() * self.instrument.camera.height_px();
-        let left_ms = limit_ms - self.cost.empty_frame_ms(pixels, self.moves);
+        let pixels = self.setting.instrument.camera.width_px() * self.setting.instrument.camera.height_px();
+        let left_ms = limit_ms - self.setting.cost.empty_frame_ms(pixels, self.moves);
         let method = plan.chosen.method;
-        let ms = |stars| self.cost.stars_ms(method, &self.load(stars, plan.extent_px));
+        let ms = |stars| self.setting.cost.stars_ms(method, &self.load(stars, plan.extent_px));
         let (kernels_ms, each_ms) = (ms(0), (ms(1000) - ms(0)) * 1e-3);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the stars there are")]
         let keep = ((left_ms - kernels_ms) / each_ms).clamp(0.0, plan.stars.len() as f64) as usize;
         keep
+    }
+
+    fn load(&self, stars: usize, extent_px: f64) -> Load<'_> {
+        Load { psf: &self.setting.instrument.psf, half_px: self.setting.half_px, extent_px, stars, moves: self.moves }
+    }
+
+    /// Returns the bounds, or the tried errors, of a method for one class of stars; its cost is that of the class's
+    /// stars. Returns with it the largest error as a multiple of the budget, including pixels beyond a star's peak.
+    fn assess(
+        &self,
+        weighed: &Weighed,
+        class: &StarClass,
+        budget: &AccuracyBudget,
+        extent_px: f64,
+        probes: &Probes,
+    ) -> (Assessment, f64) {
+        let Weighed { method, error, verdict, tried } = *weighed;
+        let psf = &self.setting.instrument.psf;
+        let tabulated = method.kernels() > 0 || !psf.is_gaussian() || self.setting.half_px > ANALYTIC_HALF_PX;
+        let (drawn_px, drawn_peak) =
+            if tabulated { (self.setting.table.centroid_px, self.setting.table.peak) } else { (F32_CENTROID_PX, 0.0) };
+        // Without probes the motion is unknown, so no bound can be given.
+        let unknown_px = if probes.probes.len() < SIDE * SIDE { f64::INFINITY } else { 0.0 };
+        let rim_px = self.setting.rim_error_px(extent_px);
+        let mut centroid_px = error.centroid_px
+            + self.common.centroid_px
+            + self.setting.sampling.centroid_px
+            + rim_px
+            + drawn_px
+            + unknown_px;
+        let whole_peak = error.peak + self.common.peak + self.setting.sampling.peak;
+        let sigma_of = |peak: f64| self.setting.pixel_sigma(peak, class.brightest_e, probes);
+        let (mut pixel_sigma, mut whole_sigma) = (sigma_of(whole_peak.min(1.0) + drawn_peak), sigma_of(whole_peak));
+        if let Some(tried) = tried {
+            let found = tried.reported();
+            let found_px = found.centroid_px + self.setting.sampling.centroid_px + rim_px + drawn_px + unknown_px;
+            let found_sigma = found.pixel_sigma + sigma_of(self.setting.sampling.peak + drawn_peak);
+            // Where samples do not replace bounds, an error with its bound over the budget stays over it.
+            let least = if self.accepts_tried { 0.0 } else { SURELY_OVER };
+            centroid_px = centroid_px.min(found_px.max(least * MOTION_SHARE * budget.centroid_px));
+            pixel_sigma = pixel_sigma.min(found_sigma.max(least * budget.pixel_sigma));
+            whole_sigma = pixel_sigma;
+        }
+        let drawn_flux = F32_FLUX + F32_ROUNDING * (method.nodes() as f64).sqrt() + tried.map_or(0.0, |_| TRIED_FLUX);
+        let flux_rel = psf.lost_flux(self.setting.half_px) + drawn_flux + self.rolling_flux;
+        let cost_ms = match verdict {
+            Some(Verdict::NeedsSmoothMotion) => f64::INFINITY,
+            _ => self.setting.cost.stars_ms(method, &self.load(class.stars, extent_px)),
+        };
+        let tracked = self.setting.is_tracked(class.brightest_e);
+        let verdict = verdict.unwrap_or(if tracked && centroid_px > MOTION_SHARE * budget.centroid_px {
+            Verdict::CentroidOverBudget
+        } else if pixel_sigma > budget.pixel_sigma {
+            Verdict::PixelOverBudget
+        } else if flux_rel > budget.flux_rel {
+            Verdict::FluxOverBudget
+        } else {
+            Verdict::Fits
+        });
+        let of_centroid = if tracked { centroid_px / (MOTION_SHARE * budget.centroid_px) } else { 0.0 };
+        let excess = of_centroid.max(whole_sigma / budget.pixel_sigma).max(flux_rel / budget.flux_rel);
+        (Assessment { method, centroid_px, flux_rel, pixel_sigma, cost_ms, verdict }, excess)
+    }
+}
+
+impl Setting {
+    /// Returns the electrons of a star that saturates its brightest pixel: errors of brighter stars are not larger.
+    fn saturating_e(&self) -> f64 {
+        self.instrument.full_well_e / self.instrument.psf.peak()
+    }
+
+    /// Returns true when the user fixed the method.
+    pub(super) fn is_fixed(&self) -> bool {
+        matches!(self.choice, MethodChoice::Fixed(..))
     }
 
     /// Returns the largest pixel error in units of its own noise when it is `peak` of the peak of a star of
@@ -452,69 +494,24 @@ impl Chooser {
         brightest_e * self.instrument.psf.peak() >= TRACKED_SIGMA * self.instrument.read_noise_e_rms.max(1.0)
     }
 
-    fn load(&self, stars: usize, extent_px: f64) -> Load<'_> {
-        Load { psf: &self.instrument.psf, half_px: self.half_px, extent_px, stars, moves: self.moves }
-    }
-
-    /// Returns the bounds, or the tried errors, of a method for one class of stars; its cost is that of the class's
-    /// stars. Returns with it the largest error as a multiple of the budget, including pixels beyond a star's peak.
-    fn assess(
-        &self,
-        weighed: &Weighed,
-        class: &StarClass,
-        budget: &AccuracyBudget,
-        extent_px: f64,
-        probes: &Probes,
-    ) -> (Assessment, f64) {
-        let Weighed { method, error, verdict, tried } = *weighed;
-        let psf = &self.instrument.psf;
-        let tabulated = method.kernels() > 0 || !psf.is_gaussian() || self.half_px > ANALYTIC_HALF_PX;
-        let (drawn_px, drawn_peak) =
-            if tabulated { (self.table.centroid_px, self.table.peak) } else { (F32_CENTROID_PX, 0.0) };
-        // Without probes the motion is unknown, so no bound can be given.
-        let unknown_px = if probes.probes.len() < SIDE * SIDE { f64::INFINITY } else { 0.0 };
-        let rim_px = self.rim_error_px(extent_px);
-        let mut centroid_px =
-            error.centroid_px + self.common.centroid_px + self.sampling.centroid_px + rim_px + drawn_px + unknown_px;
-        let whole_peak = error.peak + self.common.peak + self.sampling.peak;
-        let sigma_of = |peak: f64| self.pixel_sigma(peak, class.brightest_e, probes);
-        let (mut pixel_sigma, mut whole_sigma) = (sigma_of(whole_peak.min(1.0) + drawn_peak), sigma_of(whole_peak));
-        if let Some(tried) = tried {
-            let found = tried.reported();
-            let found_px = found.centroid_px + self.sampling.centroid_px + rim_px + drawn_px + unknown_px;
-            let found_sigma = found.pixel_sigma + sigma_of(self.sampling.peak + drawn_peak);
-            // Where samples do not replace bounds, an error with its bound over the budget stays over it.
-            let least = if self.accepts_tried { 0.0 } else { SURELY_OVER };
-            centroid_px = centroid_px.min(found_px.max(least * MOTION_SHARE * budget.centroid_px));
-            pixel_sigma = pixel_sigma.min(found_sigma.max(least * budget.pixel_sigma));
-            whole_sigma = pixel_sigma;
-        }
-        let drawn_flux = F32_FLUX + F32_ROUNDING * (method.nodes() as f64).sqrt() + tried.map_or(0.0, |_| TRIED_FLUX);
-        let flux_rel = psf.lost_flux(self.half_px) + drawn_flux + self.rolling_flux;
-        let cost_ms = match verdict {
-            Some(Verdict::NeedsSmoothMotion) => f64::INFINITY,
-            _ => self.cost.stars_ms(method, &self.load(class.stars, extent_px)),
-        };
-        let tracked = self.is_tracked(class.brightest_e);
-        let verdict = verdict.unwrap_or(if tracked && centroid_px > MOTION_SHARE * budget.centroid_px {
-            Verdict::CentroidOverBudget
-        } else if pixel_sigma > budget.pixel_sigma {
-            Verdict::PixelOverBudget
-        } else if flux_rel > budget.flux_rel {
-            Verdict::FluxOverBudget
-        } else {
-            Verdict::Fits
-        });
-        let of_centroid = if tracked { centroid_px / (MOTION_SHARE * budget.centroid_px) } else { 0.0 };
-        let excess = of_centroid.max(whole_sigma / budget.pixel_sigma).max(flux_rel / budget.flux_rel);
-        (Assessment { method, centroid_px, flux_rel, pixel_sigma, cost_ms, verdict }, excess)
-    }
-
     /// Returns the centroid error by the light outside the footprint, px: none while the footprint's rim stays outside
     /// the window.
     fn rim_error_px(&self, extent_px: f64) -> f64 {
         let rim_px = self.half_px as f64 - 0.5 - extent_px;
         if rim_px > 0.5 * WINDOW_PX + 0.5 { 0.0 } else { 0.5 * self.instrument.psf.lost_flux(self.half_px) }
+    }
+}
+
+impl Wings {
+    /// Adds the error in the wings of a star if it is larger. It is the same for all methods: light outside the
+    /// footprint, and single precision. Both grow with all of the star's light, though an overexposed star's core
+    /// saturates; from `from_e` on, stars are drawn whole.
+    fn added_to(&self, assessment: Assessment, brightest_e: f64, from_e: f64, budget: &AccuracyBudget) -> Assessment {
+        let pixel_sigma = assessment.pixel_sigma.max(self.sigma(brightest_e, from_e));
+        let may_be_over = matches!(assessment.verdict, Verdict::Fits | Verdict::FluxOverBudget);
+        let is_over = may_be_over && pixel_sigma > budget.pixel_sigma;
+        let verdict = if is_over { Verdict::PixelOverBudget } else { assessment.verdict };
+        Assessment { pixel_sigma, verdict, ..assessment }
     }
 }
 
@@ -532,6 +529,24 @@ impl TriedError {
         let of_centroid = if is_tracked { centroid_px / (MOTION_SHARE * budget.centroid_px) } else { 0.0 };
         of_centroid.max(pixel_sigma / budget.pixel_sigma)
     }
+}
+
+/// Moves the stars that are drawn whole from the brightest classes to one of their own, which keeps the nodes of the
+/// first; the methods of the other stars stay as they are.
+fn split_whole(plan: &mut ExposurePlan, bands: usize) {
+    let (from_e, half_px) = (plan.whole.from_e, plan.whole.half_px);
+    let Some(first) = plan.classes.first().copied().filter(|class| class.brightest_e >= from_e) else { return };
+    let stars = whole::count(&plan.stars, from_e);
+    let mut left = stars;
+    for class in &mut plan.classes {
+        let taken = left.min(class.stars);
+        (class.stars, left) = (class.stars - taken, left - taken);
+        class.brightest_e = class.brightest_e.min(from_e);
+    }
+    plan.classes.retain(|class| class.stars > 0);
+    let cost_ms = whole::cost_ms(half_px, first.chosen.method.nodes(), stars);
+    let chosen = Assessment { cost_ms, ..first.chosen };
+    plan.classes.insert(0, StarClass { faintest_e: from_e, stars, bands, chosen, is_whole: true, ..first });
 }
 
 /// Returns for every class, brightest first, its stars and the electrons of the brightest; each starts at its

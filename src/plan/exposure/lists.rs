@@ -6,7 +6,7 @@ use crate::exposure::pose::{PathNode, Pose, mean_pose};
 use crate::exposure::probes::{Probes, SIDE};
 use crate::exposure::track::{StarPlace, StarTrack};
 use crate::exposure::{
-    correction::Correction, method::Method, place::for_each_star, planned_star::PlannedStar, share::Share,
+    mean_field::Correction, method::Method, place::for_each_star, share::Share, source::PlannedStar,
 };
 use crate::{exposure::nodes, optics::PsfField};
 use sky::astrometry::CameraGeometry;
@@ -60,31 +60,25 @@ pub fn fill(plan: &mut ExposurePlan, probes: &Probes, camera: &CameraGeometry, b
         let (method, bands) = (plan.classes[class].chosen.method, plan.classes[class].bands);
         let first = plan.lists.len();
         let is_whole = plan.classes[class].is_whole;
-        match method {
-            Method::ZonalPsf { zones, .. } if !is_whole => fill_zones(plan, probes, camera, class, zones, buffers),
-            Method::Static
-            | Method::Gaussian
-            | Method::GaussLegendre { .. }
-            | Method::Segments { .. }
-            | Method::Corners { .. }
-            | Method::Samples { .. }
-            | Method::EffectivePsf { .. }
-            | Method::ZonalPsf { .. } => {
-                let bands = bands.max(1);
-                // A whole star is blended where it is drawn.
-                let field = plan.psf.as_field().filter(|_| !is_whole).cloned();
-                let drawing = if is_whole { Drawing::Whole } else { drawing_of(method, probes) };
-                for band in 0..bands {
-                    let own = plan.lists.len();
-                    push_band(plan, probes, camera, (method, drawing), [band, bands]);
-                    if let Some(field) = &field {
-                        push_field(plan, field, camera, own);
-                    }
+        if let Method::ZonalPsf { zones, .. } = method
+            && !is_whole
+        {
+            fill_zones(plan, probes, camera, class, zones, buffers);
+        } else {
+            let bands = bands.max(1);
+            // A whole star is blended where it is drawn.
+            let field = plan.psf.as_field().filter(|_| !is_whole).cloned();
+            let drawing = if is_whole { Drawing::Whole } else { drawing_of(method, probes) };
+            for band in 0..bands {
+                let own = plan.lists.len();
+                push_band(plan, probes, camera, (method, drawing), [band, bands]);
+                if let Some(field) = &field {
+                    push_field(plan, field, camera, own);
                 }
-                let per_band = (plan.lists.len() - first) / bands;
-                let height_px = camera.height_px() as f64;
-                buffers.gives.push(Give::Band { first, per_band, bands, height_px, field });
             }
+            let per_band = (plan.lists.len() - first) / bands;
+            let height_px = camera.height_px() as f64;
+            buffers.gives.push(Give::Band { first, per_band, bands, height_px, field });
         }
     }
 }

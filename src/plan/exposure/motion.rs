@@ -1,8 +1,11 @@
-//! Motion of the image during one exposure, and the times at which each row of the detector is exposed.
+//! Motion of the image during one exposure, and the times at which each row of the detector is exposed;
+//! the instrument as the planner sees it.
 
-use crate::exposure::pixel_path::{PixelPath, PixelPoint};
-use crate::{attitude::LosPath, exposure::pose::Pose};
+use crate::exposure::pose::{PixelPath, PixelPoint, Pose};
+use crate::optics::{Illumination, PsfModel};
+use crate::{attitude::LosPath, exposure::sampling::PsfSampling};
 use glam::{DQuat, DVec3};
+use sky::astrometry::CameraGeometry;
 
 /// How the rows of the detector are exposed.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -143,6 +146,25 @@ fn first_after(points: &[PixelPoint], t_s: f64) -> usize {
         }
     }
     points.partition_point(|point| point.t_s <= t_s)
+}
+
+/// The instrument as the planner sees it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Instrument {
+    /// Projection and distortion.
+    pub camera: CameraGeometry,
+    /// How its rows are exposed.
+    pub shutter: Shutter,
+    /// PSF.
+    pub psf: PsfModel,
+    /// Method to compute pixel values from the PSF.
+    pub sampling: PsfSampling,
+    /// Relative illumination of the image plane: sources are multiplied by its value at their mid-exposure position.
+    pub illumination: Illumination,
+    /// Electrons at which a pixel saturates: errors above it are invisible.
+    pub full_well_e: f64,
+    /// Noise floor of a pixel, e-.
+    pub read_noise_e_rms: f64,
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
-//! Lists of path nodes: samples in time, Gauss-Legendre in time, straight segments, and a Gaussian of
-//! the path's covariance. Every function appends to `out`; `delay_s` is the delay of the rows after the frame's exposure.
+//! Lists of path nodes: samples in time, Gauss-Legendre in time, straight segments, and a Gaussian of the path's
+//! covariance. Every function appends to `out`; `delay_s` is the delay of the rows after the frame's exposure.
 
 use crate::exposure::pose::{PathNode, Pose, SHIFT, recentre};
-use crate::exposure::{motion::Motion, pixel_path::PixelPath};
+use crate::exposure::{motion::Motion, pose::PixelPath};
 use crate::optics::quadrature::{MOST_KEPT_NODES, Node, gauss_legendre_node, with_gauss_legendre};
 
 /// Capacity of a plan's nodes under a rolling shutter: 64 bands with a list of 1,024 nodes each.

@@ -2,9 +2,10 @@
 
 use crate::exposure::motion::{Motion, Shutter};
 use crate::exposure::pose::{PathNode, Pose};
+use crate::exposure::source::{PlannedStar, PlannedTarget};
 use crate::exposure::{
-    correction::Correction, method::Method, moments::TracePoint, planned_star::PlannedStar,
-    planned_target::PlannedTarget, sampling::PsfSampling, smear::SmearField, track::StarTrack, whole::WholeStars,
+    mean_field::Correction, method::Method, moments::TracePoint, sampling::PsfSampling, smear::SmearField,
+    track::StarTrack, whole::WholeStars,
 };
 use crate::optics::PsfModel;
 use base::drawn::Degradation;

@@ -5,18 +5,16 @@
 
 use crate::attitude::LosPath;
 use crate::exposure::method::{Method, MethodChoice};
-use crate::exposure::motion::{Motion, Shutter};
-use crate::exposure::place::{Brightness, Lit, place_stars};
+use crate::exposure::motion::{Instrument, Motion, Shutter};
+use crate::exposure::place::{Brightness, Lit, Margins, place_stars};
 use crate::exposure::plan::{Assessment, CutOff, ExposurePlan, Verdict};
 use crate::exposure::whole::{self, WholeDomain, WholeStars};
 use crate::exposure::{
-    choice::Chooser, cost::CostModel, cut_off::CutOffCells, instrument::Instrument, mean_field::MeanField,
-    place_block::Margins, probes::Probes, share::Share, smear::SmearField, source::Source, target::Target,
-    target_plan::TargetPlanner,
+    choice::Chooser, cost::CostModel, cut_off::CutOffCells, mean_field::MeanField, probes::Probes, share::Share,
+    smear::SmearField, source::Source, target::Target, target_plan::TargetPlanner,
 };
-use crate::exposure::{dense, lists, nodes};
-use base::accuracy::AccuracyBudget;
-use base::drawn::Degradation;
+use crate::exposure::{line, lists, nodes};
+use base::{accuracy::AccuracyBudget, drawn::Degradation};
 
 /// Share of the budget's flux error that footprint truncation may use.
 const TRUNCATION_SHARE: f64 = 0.05;
@@ -78,7 +76,7 @@ impl Planner {
             cut_off: CutOff::default(),
             degradation: Degradation::Full,
             nodes: Vec::with_capacity(match instrument.shutter {
-                Shutter::Global => dense::DENSE_RESERVED,
+                Shutter::Global => line::DENSE_RESERVED,
                 Shutter::Rolling { .. } => nodes::ROLLING_RESERVED,
             }),
             lists: Vec::with_capacity(256),
@@ -160,7 +158,7 @@ impl Planner {
 
     /// Reserves memory for this many targets on the sky.
     pub fn reserve_targets_on_sky(&mut self, most: usize) {
-        self.plan.targets.reserve(self.targets.scripts() + most);
+        self.plan.targets.reserve(self.targets.scripts + most);
         self.targets.reserve(most);
         self.plan.stars.reserve(self.targets.most_nodes());
     }
@@ -269,7 +267,7 @@ impl Planner {
                 return;
             }
             let Some(mut next) = degradation.next() else { return };
-            if next == Degradation::MotionOut && self.chooser.is_fixed() {
+            if next == Degradation::MotionOut && self.chooser.setting.is_fixed() {
                 // A method fixed by the user is kept.
                 next = Degradation::BrightStarsOnly;
             }

@@ -9,7 +9,7 @@ use crate::exposure::moments::{Moments, TracePoint, trace};
 use crate::exposure::motion::{Motion, Shutter};
 use crate::exposure::pose::{PathNode, Pose, mean_pose};
 use crate::exposure::track::{StarPlace, StarTrack};
-use crate::exposure::{dense, nodes};
+use crate::exposure::{line, nodes};
 use core::ops::Range;
 use glam::{DQuat, DVec3};
 use sky::astrometry::CameraGeometry;
@@ -80,8 +80,8 @@ impl Probes {
             shutter,
             probes,
             checks,
-            dense: Vec::with_capacity(lists * dense::DENSE_RESERVED),
-            ends_s: Vec::with_capacity(dense::DENSE_RESERVED),
+            dense: Vec::with_capacity(lists * line::DENSE_RESERVED),
+            ends_s: Vec::with_capacity(line::DENSE_RESERVED),
             rows: Default::default(),
             reach_px: 0.0,
             extent_px: 0.0,
@@ -209,7 +209,7 @@ impl Probe {
             let [x, y] = track.displacement_px(&turn);
             x.hypot(y) / SMALL_RAD
         });
-        let trace = Vec::with_capacity(dense::DENSE_RESERVED);
+        let trace = Vec::with_capacity(line::DENSE_RESERVED);
         Some(Self { track, px_per_rad, trace, mean_px: [0.0; 2], moments: Moments::default() })
     }
 
@@ -250,7 +250,7 @@ impl Probe {
     }
 }
 
-/// Appends the dense list of one row's exposure; see [`dense::append`].
+/// Appends the dense list of one row's exposure; see [`line::append`].
 fn dense_nodes(
     motion: &Motion,
     sigma_px: f64,
@@ -264,7 +264,7 @@ fn dense_nodes(
     } else if motion.is_smooth() {
         nodes::gauss_legendre_in_time(motion, gauss_legendre_count(reach_px, sigma_px) + DENSER, delay_s, out);
     } else {
-        return dense::append(motion, sigma_px, [reach_px, radius_px], delay_s, ends_s, out);
+        return line::append(motion, sigma_px, [reach_px, radius_px], delay_s, ends_s, out);
     }
     Merged::default()
 }

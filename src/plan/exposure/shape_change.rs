@@ -5,12 +5,12 @@
 //! pixels for every phase of a star on its pixel, and compared: the largest difference of a pixel, and of the centroids
 //! of the 5 x 5 windows about the brightest pixels. Moments and characteristic functions bound the same differences by
 //! sums of absolute values, which is safe but 10 to 1,000 times too much where parts cancel; this is within a factor of
-//! three. Limits: phases and places between those compared differ by less than a safety factor; a PSF that is not a Gaussian
-//! is replaced by one of its core, as in the other bounds; long lists on wide grids are not drawn ([`MOST_WORK`]).
-//! Multiplications and additions are not fused, so all vector levels find the same numbers. Tests: below,
-//! `tests/physics/bounds.rs`.
+//! three. Limits: phases and places between those compared differ by less than a safety factor; a PSF that is not a
+//! Gaussian is replaced by one of its core, as in the other bounds; long lists on wide grids are not drawn
+//! ([`MOST_WORK`]). Multiplications and additions are not fused, so all vector levels find the same numbers. Tests:
+//! below, `tests/physics/bounds.rs`.
 
-use crate::{exposure::moments::TracePoint, exposure::node_error::NodeError, optics::gaussian};
+use crate::{exposure::moments::TracePoint, optics::gaussian};
 use pulp::{Arch, NullaryFnOnce};
 
 /// Safety factor for stars between the probes and phases between those compared.
@@ -228,6 +228,35 @@ fn over_pixels(points: &mut [f32], m: usize, stride: usize, out: &mut Vec<f32>) 
         for (sum, value) in out.iter_mut().zip(&points[k * stride..k * stride + end]) {
             *sum += value;
         }
+    }
+}
+
+/// Errors of a node list.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct NodeError {
+    /// 5 x 5 centroid, px.
+    pub centroid_px: f64,
+    /// Largest pixel error relative to the star's peak.
+    pub peak: f64,
+}
+
+impl NodeError {
+    /// Returns the larger of each error.
+    #[must_use]
+    pub fn worst(self, other: Self) -> Self {
+        Self { centroid_px: self.centroid_px.max(other.centroid_px), peak: self.peak.max(other.peak) }
+    }
+
+    /// Returns the smaller of each error: of two bounds of the same error, each is one.
+    #[must_use]
+    pub fn least(self, other: Self) -> Self {
+        Self { centroid_px: self.centroid_px.min(other.centroid_px), peak: self.peak.min(other.peak) }
+    }
+
+    /// Returns the sum of each error.
+    #[must_use]
+    pub fn plus(self, other: Self) -> Self {
+        Self { centroid_px: self.centroid_px + other.centroid_px, peak: self.peak + other.peak }
     }
 }
 

@@ -6,7 +6,7 @@
 //! the star; zero for a star on the corner). A grid uses the sums of its own samples, separately for each side.
 
 use crate::exposure::pose::{PathNode, mean_pose};
-use crate::exposure::{planned_star::PlannedStar, track::StarTrack};
+use crate::exposure::{source::PlannedStar, track::StarTrack};
 use crate::optics::{PsfField, PsfForm, PsfGrid, PsfModel};
 use sky::astrometry::CameraGeometry;
 use std::sync::Arc;

@@ -4,12 +4,12 @@
 //! Both are exact at the nine probes and quadratic between them; of the length, its square: for a constant rate that is
 //! a polynomial of the place, and a roll about a star leaves it a length of zero. A path is the polyline through the
 //! dense nodes of its probe, its two ends and its corners (samples of jitter). Limits: 24 nodes per period of the
-//! fastest jitter line, fewer where [`dense::MOST_DENSE_NODES`](crate::exposure::dense::MOST_DENSE_NODES) are too few
+//! fastest jitter line, fewer where [`dense::MOST_DENSE_NODES`](crate::exposure::line::MOST_DENSE_NODES) are too few
 //! (8 per period leave out 3 % of the length); under a rolling shutter the exposure is that of the row where the star
 //! is. Tests: below, by brute force.
 
 use crate::exposure::probes::{Probe, Probes, SIDE};
-use crate::exposure::{correction::Correction, motion::Motion, pixel_path::PixelPath};
+use crate::exposure::{mean_field::Correction, motion::Motion, pose::PixelPath};
 
 /// Times closer than this share of the exposure are treated as equal.
 const SAME_TIME: f64 = 1e-9;

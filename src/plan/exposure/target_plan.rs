@@ -12,10 +12,10 @@
 use crate::exposure::cost::{CostModel, Load};
 use crate::exposure::motion::{Motion, Shutter};
 use crate::exposure::plan::{Drawing, ExposurePlan, NodeList};
-use crate::exposure::pose::{PathNode, Pose};
+use crate::exposure::pose::{PathNode, PixelPath, Pose};
+use crate::exposure::source::{PlannedStar, PlannedTarget};
 use crate::exposure::{
-    correction::Correction, method::Method, pixel_path::PixelPath, planned_star::PlannedStar,
-    planned_target::PlannedTarget, share::Share, target::Target, track::StarTrack, whole::WholeDomain,
+    mean_field::Correction, method::Method, share::Share, target::Target, track::StarTrack, whole::WholeDomain,
 };
 use crate::optics::Illumination;
 use crate::optics::quadrature::{Node, gauss_legendre};
@@ -51,7 +51,7 @@ const ROW_STEPS: usize = 3;
 pub(super) struct TargetPlanner {
     /// Scripts, then targets on the sky.
     targets: Vec<Target>,
-    scripts: usize,
+    pub(super) scripts: usize,
     /// Gauss-Legendre rules of 1 to [`PIECE_NODES`] nodes.
     rules: Vec<Vec<Node>>,
     nodes: Vec<PlannedStar>,
@@ -98,11 +98,6 @@ impl TargetPlanner {
     /// Returns the capacity for nodes.
     pub(super) fn most_nodes(&self) -> usize {
         (self.targets.capacity().max(self.targets.len()) * MOST_NODES).min(MOST_RESERVED)
-    }
-
-    /// Returns the number of scripts.
-    pub(super) fn scripts(&self) -> usize {
-        self.scripts
     }
 
     /// Sets the targets on the sky of the next exposure.

@@ -10,8 +10,8 @@
 use crate::exposure::lists::{band_delay_s, band_of, correction, fill_nodes};
 use crate::exposure::pose::{PathNode, Pose, mean_pose};
 use crate::exposure::{
-    correction::Correction, dense::DENSE_RESERVED, method::Method, motion::Shutter, plan::ExposurePlan,
-    planned_star::PlannedStar, probes::Probes, track::StarTrack,
+    line::DENSE_RESERVED, mean_field::Correction, method::Method, motion::Shutter, plan::ExposurePlan, probes::Probes,
+    source::PlannedStar, track::StarTrack,
 };
 
 /// Safety factor of a tried error: other stars and other windows may have larger errors.

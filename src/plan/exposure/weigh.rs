@@ -4,11 +4,11 @@
 //! star is drawn about its own exact mean, so the lists only have errors in the shape of the path: moments show them
 //! for short paths, characteristic functions for long ones.
 
-use crate::exposure::moments::{Moments, TracePoint, trace};
+use crate::exposure::moments::{Moments, NOTHING, Sensitivity, Spectrum, TracePoint, trace};
 use crate::exposure::probes::{Probe, Probes, SIDE};
-use crate::exposure::spectrum::{NOTHING, Sensitivity, Spectrum};
+use crate::exposure::shape_change::{NodeError, ShapeChange};
 use crate::exposure::track::{StarPlace, StarTrack};
-use crate::exposure::{dense::DENSE_RESERVED, node_error::NodeError, pose::PathNode, shape_change::ShapeChange};
+use crate::exposure::{line::DENSE_RESERVED, pose::PathNode};
 use sky::astrometry::CameraGeometry;
 
 /// Side of the window in which a tracker measures, px.

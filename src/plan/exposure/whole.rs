@@ -1,16 +1,18 @@
 //! Whole stars: the footprint by absolute light.
 //!
-//! An ordinary footprint is as wide as a share of any star's light asks for, and is drawn in single precision. Both errors
-//! grow with the light of the star: a star of 2e9 e- lacks tens of electrons at the rim of its footprint, and is wrong by
-//! hundreds within it. Stars from which on either is over the pixel budget are drawn whole: in double precision, as far as
-//! their PSF goes, on every backend by the same code (`image::render::whole`), at the nodes of the method of their class.
+//! An ordinary footprint is as wide as a share of any star's light asks for, and is drawn in single precision. Both
+//! errors grow with the light of the star: a star of 2e9 e- lacks tens of electrons at the rim of its footprint, and is
+//! wrong by hundreds within it. Stars from which on either is over the pixel budget are drawn whole: in double
+//! precision, as far as their PSF goes, on every backend by the same code (`image::render::whole`), at the nodes of the
+//! method of their class.
 //!
 //! Domain: exact PSF sampling, stars that cover at most [`MOST_PX`] pixels together and [`MOST_STARS`] in number, and a
-//! quarter of the frame's time; where there are more, only stars of eight times the light of the first one left out. Bound: light beyond the whole footprint, at most
-//! [`LARGEST_HALF_PX`](crate::optics::psf::LARGEST_HALF_PX) and the PSF's own grid; 1e-13 of a Gaussian. Stars outside the
-//! domain are drawn as ordinary ones, and their error is named. Tests below; `tests/physics/whole.rs`, `tests/gpu/whole.rs`.
+//! quarter of the frame's time; where there are more, only stars of eight times the light of the first one left out.
+//! Bound: light beyond the whole footprint, at most [`LARGEST_HALF_PX`](crate::optics::psf::LARGEST_HALF_PX) and the
+//! PSF's own grid; 1e-13 of a Gaussian. Stars outside the domain are drawn as ordinary ones, and their error is named.
+//! Tests below; `tests/physics/whole.rs`, `tests/gpu/whole.rs`.
 
-use crate::exposure::{instrument::Instrument, planned_star::PlannedStar, sampling::PRODUCTS_ERROR};
+use crate::exposure::{motion::Instrument, sampling::PRODUCTS_ERROR, source::PlannedStar};
 use crate::{optics::PsfModel, optics::psf::LARGEST_HALF_PX};
 use rayon::prelude::*;
 

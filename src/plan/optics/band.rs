@@ -11,7 +11,7 @@
 
 use crate::optics::spectrum::{Cells, Spectrum, SpectrumError};
 use crate::optics::star_spectrum::{StarSpectra, StarSpectrum};
-use crate::optics::{radiometry::COLOR_RANGE, spectral_weight::SpectralWeight};
+use crate::optics::{radiometry::COLOR_RANGE, spectrum::SpectralWeight};
 use std::sync::Arc;
 
 /// Step of the colour table, mag of BP-RP.
@@ -105,7 +105,7 @@ impl Band {
     /// Returns the first and last wavelength at which electrons are made, nm.
     fn support_nm(&self) -> (f64, f64) {
         let (first, last) = self.range_nm();
-        let edges = self.cells.edges_nm();
+        let edges = &self.cells.edges_nm;
         let bright = |cell: &&[f64]| self.response(0.5 * (cell[0] + cell[1])) > 0.0;
         (
             edges.windows(2).find(bright).map_or(first, |cell| cell[0]),
@@ -124,7 +124,7 @@ pub fn spectral_weights(band: &Band, bp_rp: f64, n: usize) -> Vec<SpectralWeight
     let total = band.e_per_s_m2(&star);
     let part = |i: usize| {
         let start = from + width * i as f64;
-        let cells = Cells::new(start, start + width, band.cells.edges_nm().iter().copied());
+        let cells = Cells::new(start, start + width, band.cells.edges_nm.iter().copied());
         let electrons = |nm: f64| band.response(nm) * star.photons_per_s_m2_nm(nm);
         let sum = cells.integral(electrons);
         let moment = cells.integral(|nm| nm * electrons(nm));
@@ -216,7 +216,7 @@ mod tests {
 
     #[test]
     fn gaias_own_band_has_no_colour_term() {
-        let g = crate::optics::gaia_bands::GaiaBand::g();
+        let g = crate::optics::star_spectrum::GaiaBand::g();
         let table = BandRadiometry::new(&Band::with_flat_transmission(1.0, g.response.clone()).unwrap(), 1.0);
         for color in [-0.5, 0.0, 0.7, 2.0, 5.0] {
             assert!((table.mag_instrument(8.0, color) - 8.0).abs() < 1e-9, "{color}");

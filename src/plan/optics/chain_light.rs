@@ -6,7 +6,7 @@
 //! Gauss-Legendre panels: error below 1e-6 up to [`FURTHEST_PX`] for bands that end at 8 cycles/px. The tests compare
 //! it with closed forms of Airy patterns and Gaussians.
 
-use crate::optics::mtf::{MtfChain, gaussian};
+use crate::optics::mtf::{MtfChain, blur};
 use crate::optics::quadrature::gauss_legendre;
 use base::bisection::bisected;
 use core::f64::consts::TAU;
@@ -32,12 +32,12 @@ impl ChainLight {
     pub fn of(chain: &MtfChain) -> Self {
         let p = chain.params();
         let blur_px = p.assembly_um.hypot(p.fabrication_um) / p.pixel_pitch_um;
-        let blurred = if blur_px > 0.0 { gaussian::cutoff(blur_px, NOTHING) } else { f64::INFINITY };
+        let blurred = if blur_px > 0.0 { blur::gaussian_cutoff(blur_px, NOTHING) } else { f64::INFINITY };
         let width = chain.cutoff().min(blurred) / f64::from(PANELS);
         let nodes = gauss_legendre(NODES);
         let panel = |k: u32| {
             let at = move |x: f64| (f64::from(k) + 0.5 + x) * width;
-            let factor = |f: f64| chain.colored(f) * gaussian::mtf(f, blur_px);
+            let factor = |f: f64| chain.colored(f) * blur::gaussian(f, blur_px);
             nodes.iter().map(move |node| [at(node.x), node.weight * width * factor(at(node.x))]).collect::<Vec<_>>()
         };
         Self { band: (0..PANELS).flat_map(panel).collect() }

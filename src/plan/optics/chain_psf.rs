@@ -22,9 +22,10 @@
 //! Optics; Unser, IEEE Signal Processing Magazine 16 (1999) 22, for `eta`. `tests/physics/psf_chain.rs` compares grids
 //! with Airy stamps, with the chain by transforming back, and every bound with the error it bounds.
 
-use crate::optics::mtf::{MtfChain, gaussian};
+use crate::optics::mtf::{MtfChain, blur};
 use crate::optics::psf::LARGEST_HALF_PX;
-use crate::optics::psf_grid::{MOST_OVERSAMPLING, PsfGrid, PsfGridError};
+use crate::optics::psf_grid::{MOST_OVERSAMPLING, PsfGrid};
+use base::refused::Refused;
 use core::f64::consts::PI;
 use rustfft::{FftPlanner, num_complex::Complex64};
 
@@ -79,39 +80,6 @@ pub struct ChainPsf {
     pub period_px: usize,
 }
 
-/// A chain that cannot be drawn.
-#[derive(Debug, thiserror::Error)]
-pub enum ChainPsfError {
-    /// The star is too sharp.
-    #[error(
-        "the chain's star is too sharp for a grid: with {most} samples per pixel it may err by {bound:.1e} of the flux, \
-         wanted {wanted:.1e}; add what blurs a real one (assembly, fabrication, charge diffusion, defocus), or take \
-         model = \"airy\""
-    )]
-    Sharp {
-        /// Largest number of samples per pixel.
-        most: usize,
-        /// Bound with that many.
-        bound: f64,
-        /// Wanted bound.
-        wanted: f64,
-    },
-    /// The star is too wide.
-    #[error(
-        "the chain's star is too wide: {outside:.2} of its light lie further than {half_px} px from its middle; take \
-         less defocus or blur"
-    )]
-    Wide {
-        /// Share of the light outside.
-        outside: f64,
-        /// Largest half-width of a grid, px.
-        half_px: usize,
-    },
-    /// The grid refused the samples.
-    #[error(transparent)]
-    Grid(#[from] PsfGridError),
-}
-
 /// Largest share of light outside the largest grid.
 const MOST_OUTSIDE: f64 = 0.2;
 
@@ -120,7 +88,7 @@ impl ChainPsf {
     ///
     /// # Errors
     /// When it is too sharp or too wide for a grid.
-    pub fn draw(chain: &MtfChain, drawing: &Drawing) -> Result<Self, ChainPsfError> {
+    pub fn draw(chain: &MtfChain, drawing: &Drawing) -> Result<Self, Refused> {
         let spectrum = Spectrum::of(chain);
         let (oversampling, between) = spectrum.oversampling(drawing)?;
         let (half_px, outside) = spectrum.half_px(drawing)?;
@@ -148,7 +116,7 @@ impl<'a> Spectrum<'a> {
     fn of(chain: &'a MtfChain) -> Self {
         let p = chain.params();
         let blur_px = p.assembly_um.hypot(p.fabrication_um) / p.pixel_pitch_um;
-        let blurred = if blur_px > 0.0 { gaussian::cutoff(blur_px, NOTHING) } else { f64::INFINITY };
+        let blurred = if blur_px > 0.0 { blur::gaussian_cutoff(blur_px, NOTHING) } else { f64::INFINITY };
         let end = chain.cutoff().min(blurred);
         let step = end / (ROWS - 1) as f64;
         let round = (0..ROWS).map(|i| chain.colored(i as f64 * step)).collect();
@@ -195,25 +163,31 @@ impl<'a> Spectrum<'a> {
         4.0 * sum * step * step
     }
 
-    fn oversampling(&self, drawing: &Drawing) -> Result<(usize, f64), ChainPsfError> {
+    fn oversampling(&self, drawing: &Drawing) -> Result<(usize, f64), Refused> {
         if let Some(got) = drawing.oversampling {
             // The grid would refuse it too, but only after this many samples.
             let is_known = got.is_multiple_of(2) && (2..=MOST_OVERSAMPLING).contains(&got);
             return if is_known {
                 Ok((got, self.between(got)))
             } else {
-                Err(PsfGridError::Oversampling { got }.into())
+                Err(Refused(format!(
+                    "PSF grid: {got} samples per pixel, wanted an even number from 2 to {MOST_OVERSAMPLING}"
+                )))
             };
         }
         let bounds = OVERSAMPLINGS.map(|n| (n, self.between(n)));
         let [.., (most, bound)] = bounds;
         let found = bounds.into_iter().find(|(_, bound)| *bound <= drawing.pixel);
         let last = (bound <= MOST_ERROR).then_some((most, bound));
-        found.or(last).ok_or(ChainPsfError::Sharp { most, bound, wanted: MOST_ERROR })
+        found.or(last).ok_or_else(|| Refused(format!(
+            "the chain's star is too sharp for a grid: with {most} samples per pixel it may err by {bound:.1e} of the \
+             flux, wanted {MOST_ERROR:.1e}; add what blurs a real one (assembly, fabrication, charge diffusion, \
+             defocus), or take model = \"airy\""
+        )))
     }
 
     /// Returns the half-width and the light outside it, from a coarse drawing of the largest grid.
-    fn half_px(&self, drawing: &Drawing) -> Result<(usize, f64), ChainPsfError> {
+    fn half_px(&self, drawing: &Drawing) -> Result<(usize, f64), Refused> {
         const COARSE: usize = 2;
         let period_px = self.period_px(LARGEST_HALF_PX, 1e-7);
         let samples = self.samples(COARSE, LARGEST_HALF_PX, period_px);
@@ -221,7 +195,11 @@ impl<'a> Spectrum<'a> {
         let enough = outside.iter().position(|lost| *lost <= drawing.outside);
         let half_px = drawing.half_px.unwrap_or(enough.unwrap_or(LARGEST_HALF_PX).max(2)).min(LARGEST_HALF_PX);
         if outside[LARGEST_HALF_PX] > MOST_OUTSIDE {
-            return Err(ChainPsfError::Wide { outside: outside[LARGEST_HALF_PX], half_px: LARGEST_HALF_PX });
+            return Err(Refused(format!(
+                "the chain's star is too wide: {outside:.2} of its light lie further than {LARGEST_HALF_PX} px from its \
+                 middle; take less defocus or blur",
+                outside = outside[LARGEST_HALF_PX]
+            )));
         }
         Ok((half_px, outside[half_px]))
     }
@@ -308,7 +286,7 @@ impl Waves {
 
 /// Returns the largest error of cubic spline interpolation for a wave of `u` cycles per sample and amplitude 1.
 fn spline_error(u: f64) -> f64 {
-    let sinc = crate::optics::mtf::aperture::sinc(u);
+    let sinc = blur::sinc(u);
     let samples = (2.0 + (2.0 * PI * u).cos()) / 3.0;
     2.0 * (1.0 - (sinc.powi(4) / samples).min(1.0))
 }

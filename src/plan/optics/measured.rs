@@ -7,8 +7,8 @@
 //! side. Limits: the centroid is that of the whole image, so wings that the image cuts off, or noise far out, move it.
 //! Tests below make the image of a known PSF, off its middle and on a background, and check that it is recovered.
 
-use crate::optics::psf_grid::{PsfGrid, PsfGridError};
-use crate::optics::{image_spline::Spline, psf::LARGEST_HALF_PX};
+use crate::optics::{psf::LARGEST_HALF_PX, psf_grid::PsfGrid, psf_grid::Spline};
+use base::refused::Refused;
 
 /// Content of a sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -59,79 +59,36 @@ pub struct Measurement {
 /// Largest share of an image's light in its border before a background is suspected.
 const MOST_BORDER_SHARE: f64 = 0.02;
 
-/// Error of an image that cannot be used as a PSF.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum MeasuredError {
-    /// too few samples
-    #[error("the image has {got} samples per pixel, wanted 2 to 32: fewer do not show the star's position in a pixel")]
-    SamplesPerPx {
-        /// Samples along each side of a pixel.
-        got: usize,
-    },
-    /// too small
-    #[error(
-        "the image of {width} x {height} samples reaches {reach_px:.2} px from the star, wanted 1.5 px at least; take a larger \
-         image, or check samples_per_px and the star's position"
-    )]
-    TooSmall {
-        /// Columns.
-        width: usize,
-        /// Rows.
-        height: usize,
-        /// Distance from the star to the nearest end, px.
-        reach_px: f64,
-    },
-    /// a sample is not finite
-    #[error("the sample at column {column}, row {row} is {got}, wanted a finite number")]
-    NotFinite {
-        /// Column.
-        column: usize,
-        /// Row.
-        row: usize,
-        /// Value of the sample.
-        got: f64,
-    },
-    /// nothing in it
-    #[error("the image holds {total:.3e} in all, wanted a star: more light than background")]
-    Dark {
-        /// Sum of the samples minus the background.
-        total: f64,
-    },
-    /// the border is bright
-    #[error(
-        "the border of the image is {border:.3e} bright, which makes {:.1} % of its light if it lies under all of it; wanted at \
-         most {:.0} %: take the background off (\"border\", or its level)",
-        100.0 * share,
-        100.0 * MOST_BORDER_SHARE
-    )]
-    Background {
-        /// Mean of the outermost samples.
-        border: f64,
-        /// Share of the light.
-        share: f64,
-    },
-    /// the result is not a PSF
-    #[error(transparent)]
-    Grid(#[from] PsfGridError),
-}
-
 impl Measurement {
     /// Returns the PSF of an image of `width` columns.
     ///
     /// # Errors
-    /// When the image is too small, not finite, dark, on an unspecified background, or not a PSF ([`PsfGridError`]).
-    pub fn psf(&self, samples: &[f64], width: usize) -> Result<PsfGrid, MeasuredError> {
+    /// When the image is too small, not finite, dark, on an unspecified background, or not a PSF.
+    pub fn psf(&self, samples: &[f64], width: usize) -> Result<PsfGrid, Refused> {
         let per_px = self.samples_per_px;
         if !(2..=32).contains(&per_px) {
-            return Err(MeasuredError::SamplesPerPx { got: per_px });
+            return Err(Refused(format!(
+                "the image has {per_px} samples per pixel, wanted 2 to 32: fewer do not show the star's position in a pixel"
+            )));
         }
         let height = samples.len() / width.max(1);
+        let too_small = |reach_px: f64| {
+            Refused(format!(
+                "the image of {width} x {height} samples reaches {reach_px:.2} px from the star, wanted 1.5 px at least; \
+                 take a larger image, or check samples_per_px and the star's position"
+            ))
+        };
         if width.min(height) < 3 * per_px {
             let reach_px = 0.5 * width.min(height) as f64 / per_px as f64;
-            return Err(MeasuredError::TooSmall { width, height, reach_px });
+            return Err(too_small(reach_px));
         }
         if let Some(at) = samples.iter().position(|v| !v.is_finite()) {
-            return Err(MeasuredError::NotFinite { column: at % width, row: at / width, got: samples[at] });
+            return Err(Refused(format!(
+                "the sample at column {column}, row {row} is {got}, wanted a finite number",
+                column = at % width,
+                row = at / width,
+                got = samples[at]
+            )));
         }
         let mut light = without_background(samples, [width, height], self.background)?;
         let total: f64 = light.iter().sum();
@@ -157,14 +114,14 @@ impl Measurement {
         let ends = [star[0], columns as f64 - 1.0 - star[0], star[1], rows as f64 - 1.0 - star[1]];
         let reach_px = ends.into_iter().fold(f64::INFINITY, f64::min) / per_px as f64;
         if reach_px.is_nan() || reach_px < 1.5 {
-            return Err(MeasuredError::TooSmall { width, height, reach_px });
+            return Err(too_small(reach_px));
         }
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at least 1")]
         let half_px = ((reach_px - 0.5) as usize).min(LARGEST_HALF_PX);
         let spline = Spline::new(&pixels, columns);
         let oversampling = if per_px.is_multiple_of(2) { per_px } else { 2 * per_px };
         let value = |x: f64, y: f64| spline.at(star[0] + x * per_px as f64, star[1] + y * per_px as f64);
-        Ok(PsfGrid::sampled(oversampling.min(32), half_px, value)?)
+        PsfGrid::sampled(oversampling.min(32), half_px, value)
     }
 }
 
@@ -172,7 +129,7 @@ fn without_background(
     samples: &[f64],
     [width, height]: [usize; 2],
     background: Background,
-) -> Result<Vec<f64>, MeasuredError> {
+) -> Result<Vec<f64>, Refused> {
     let on_border = |i: usize| {
         let (x, y) = (i % width, i / width);
         x == 0 || y == 0 || x + 1 == width || y + 1 == height
@@ -189,11 +146,16 @@ fn without_background(
     let brightest = light.iter().copied().fold(0.0, f64::max);
     // No star is as faint as the mean of the remaining light.
     if total <= 0.0 || brightest * light.len() as f64 <= 2.0 * total {
-        return Err(MeasuredError::Dark { total });
+        return Err(Refused(format!("the image holds {total:.3e} in all, wanted a star: more light than background")));
     }
     let share = (border - level) * light.len() as f64 / total;
     if share > MOST_BORDER_SHARE && background == Background::None {
-        return Err(MeasuredError::Background { border, share });
+        return Err(Refused(format!(
+            "the border of the image is {border:.3e} bright, which makes {:.1} % of its light if it lies \
+             under all of it; wanted at most {:.0} %: take the background off (\"border\", or its level)",
+            100.0 * share,
+            100.0 * MOST_BORDER_SHARE
+        )));
     }
     Ok(light)
 }
@@ -285,7 +247,8 @@ mod tests {
     fn a_background_is_taken_off_or_refused() {
         let (k, size, at) = (5, [75, 75], [37.0, 37.0]);
         let bright = cells(k, size, at, 0.05);
-        assert!(matches!(PLAIN.psf(&bright, size[0]), Err(MeasuredError::Background { .. })));
+        let refused = PLAIN.psf(&bright, size[0]).expect_err("a background").to_string();
+        assert!(refused.contains("take the background off"), "{refused}");
         for background in [Background::Border, Background::Level(0.05)] {
             let grid = (Measurement { background, ..PLAIN }).psf(&bright, size[0]).unwrap();
             assert!(worst(&grid) < 3e-4, "{background:?}: {:e}", worst(&grid));
@@ -296,15 +259,19 @@ mod tests {
     fn invalid_star_image_is_refused() {
         let good = cells(5, [75, 75], [37.0, 37.0], 0.0);
         let refused = |samples: &[f64], how: Measurement| how.psf(samples, 75).expect_err("refused");
-        assert_eq!(refused(&good, Measurement { samples_per_px: 1, ..PLAIN }), MeasuredError::SamplesPerPx { got: 1 });
+        let says = |refused: Refused, words: &str| assert!(refused.0.contains(words), "{refused}");
+        says(
+            refused(&good, Measurement { samples_per_px: 1, ..PLAIN }),
+            "the image has 1 samples per pixel, wanted 2 to 32",
+        );
         let small = Measurement { samples_per_px: 32, ..PLAIN };
-        assert!(matches!(refused(&good, small), MeasuredError::TooSmall { .. }));
+        says(refused(&good, small), "px from the star, wanted 1.5 px at least");
         let far = Measurement { star_at: StarAt::Sample([2.0, 37.0]), ..PLAIN };
-        assert!(matches!(refused(&good, far), MeasuredError::TooSmall { .. }));
-        assert!(matches!(refused(&[1.0; 75 * 75], PLAIN), MeasuredError::Dark { .. }));
-        assert!(matches!(refused(&[0.0; 75 * 75], PLAIN), MeasuredError::Dark { .. }));
+        says(refused(&good, far), "px from the star, wanted 1.5 px at least");
+        says(refused(&[1.0; 75 * 75], PLAIN), "in all, wanted a star: more light than background");
+        says(refused(&[0.0; 75 * 75], PLAIN), "in all, wanted a star: more light than background");
         let mut broken = good;
         broken[80] = f64::NAN;
-        assert!(matches!(refused(&broken, PLAIN), MeasuredError::NotFinite { column: 5, row: 1, .. }));
+        says(refused(&broken, PLAIN), "the sample at column 5, row 1 is NaN");
     }
 }

@@ -7,40 +7,10 @@
 //! below; `tests/physics/psf_field.rs` compares drawn images with the blend.
 
 use crate::optics::psf::PsfModel;
+use base::refused::Refused;
 
 /// Largest number of nodes along each side.
 pub const MOST_NODES: usize = 9;
-
-/// Error of the nodes of a field.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum PsfFieldError {
-    /// too few or too many
-    #[error(
-        "PSF field: {columns} x {rows} nodes, wanted 2 to {MOST_NODES} along each side (one PSF for all places needs no field)"
-    )]
-    Nodes {
-        /// Number along a row.
-        columns: usize,
-        /// Number along a column.
-        rows: usize,
-    },
-    /// another number of PSFs
-    #[error("PSF field: {got} PSFs for {columns} x {rows} nodes, wanted one for each")]
-    Count {
-        /// Number of PSFs.
-        got: usize,
-        /// Number of nodes along a row.
-        columns: usize,
-        /// Number of nodes along a column.
-        rows: usize,
-    },
-    /// a field in a field
-    #[error("PSF field: node {node} is a field itself, wanted a PSF for one place")]
-    Nested {
-        /// Index of the node, from 0.
-        node: usize,
-    },
-}
 
 /// PSFs over a detector.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,16 +26,22 @@ impl PsfField {
     ///
     /// # Errors
     /// When there are too few or too many nodes, or another number of PSFs, or a node is a field.
-    pub fn new([columns, rows]: [usize; 2], size_px: [usize; 2], psfs: Vec<PsfModel>) -> Result<Self, PsfFieldError> {
+    pub fn new([columns, rows]: [usize; 2], size_px: [usize; 2], psfs: Vec<PsfModel>) -> Result<Self, Refused> {
         let allowed = 2..=MOST_NODES;
         if !allowed.contains(&columns) || !allowed.contains(&rows) {
-            return Err(PsfFieldError::Nodes { columns, rows });
+            return Err(Refused(format!(
+                "PSF field: {columns} x {rows} nodes, wanted 2 to {MOST_NODES} along each side \
+                 (one PSF for all places needs no field)"
+            )));
         }
         if psfs.len() != columns * rows {
-            return Err(PsfFieldError::Count { got: psfs.len(), columns, rows });
+            return Err(Refused(format!(
+                "PSF field: {got} PSFs for {columns} x {rows} nodes, wanted one for each",
+                got = psfs.len()
+            )));
         }
         if let Some(node) = psfs.iter().position(|psf| psf.as_field().is_some()) {
-            return Err(PsfFieldError::Nested { node });
+            return Err(Refused(format!("PSF field: node {node} is a field itself, wanted a PSF for one place")));
         }
         Ok(Self { cells: [columns - 1, rows - 1], size_px: size_px.map(|n| n as f64), nodes: psfs })
     }
@@ -165,11 +141,14 @@ mod tests {
     fn invalid_field_is_refused() {
         let psf = || PsfModel::gaussian(0.8);
         let made = |nodes: [usize; 2], count: usize| PsfField::new(nodes, [64; 2], vec![psf(); count]);
-        assert_eq!(made([1, 3], 3), Err(PsfFieldError::Nodes { columns: 1, rows: 3 }));
-        assert_eq!(made([2, 10], 20), Err(PsfFieldError::Nodes { columns: 2, rows: 10 }));
-        assert_eq!(made([2, 2], 5), Err(PsfFieldError::Count { got: 5, columns: 2, rows: 2 }));
+        let nodes = "nodes, wanted 2 to 9 along each side (one PSF for all places needs no field)";
+        assert_eq!(made([1, 3], 3), Err(Refused(format!("PSF field: 1 x 3 {nodes}"))));
+        assert_eq!(made([2, 10], 20), Err(Refused(format!("PSF field: 2 x 10 {nodes}"))));
+        let count = "PSF field: 5 PSFs for 2 x 2 nodes, wanted one for each";
+        assert_eq!(made([2, 2], 5), Err(Refused(count.to_owned())));
         let mut nested = vec![psf(); 4];
         nested[2] = PsfModel::field(made([2, 2], 4).unwrap());
-        assert_eq!(PsfField::new([2, 2], [64; 2], nested), Err(PsfFieldError::Nested { node: 2 }));
+        let is_field = "PSF field: node 2 is a field itself, wanted a PSF for one place";
+        assert_eq!(PsfField::new([2, 2], [64; 2], nested), Err(Refused(is_field.to_owned())));
     }
 }

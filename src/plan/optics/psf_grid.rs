@@ -2,13 +2,14 @@
 //!
 //! In: `P(dx, dy)`, the share of the light in the pixel whose centre lies (dx, dy) px from the star, every `1 /
 //! oversampling` px up to `half_px + 1/2` px from the star; x right, y down; unit flux over the infinite plane. Out:
-//! the same between the samples: the cubic B-spline through them with natural ends, 0 beyond. That spline is the model,
-//! with which every backend can be compared; its distance from the real light is for the maker of the samples to state.
-//! Source: Unser, Aldroubi and Eden, IEEE Trans. Signal Processing 41 (1993), 821. Error of a smooth `P`: `h^4 |f''''|
-//! / 384` along each axis. Tests below compare it with a Gaussian's integrals.
+//! the same between the samples: the cubic B-spline through them with natural ends ([`Spline`]: the second derivative
+//! vanishes there, so nothing is extrapolated), 0 beyond. That spline is the model, with which every backend can be
+//! compared; its distance from the real light is for the maker of the samples to state. Source: Unser, Aldroubi and
+//! Eden, IEEE Trans. Signal Processing 41 (1993), 821. Error of a smooth `P`: `h^4 |f''''| / 384` along each axis.
+//! Tests below compare it with a Gaussian's integrals.
 
-use crate::optics::{gaussian, image_spline::Spline};
-use base::bisection::halved;
+use crate::optics::gaussian;
+use base::{bisection::halved, refused::Refused};
 use core::f64::consts::PI;
 
 /// Largest reach of a footprint from its star, px: the wings of an Airy pattern beyond it are left out and reported as
@@ -32,72 +33,6 @@ const FINER_KNOTS: f64 = 1.0 / 80.0;
 pub(super) const BOTH_AXES: f64 = 2.55;
 /// Smallest reported core, px: no grid is fine enough for a narrower one.
 const LEAST_CORE_PX: f64 = 0.05;
-
-/// Error in the samples of a PSF.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum PsfGridError {
-    /// an odd number of samples per pixel, or one out of range
-    #[error("PSF grid: {got} samples per pixel, wanted an even number from 2 to {MOST_OVERSAMPLING}")]
-    Oversampling {
-        /// Samples per pixel.
-        got: usize,
-    },
-    /// too small or too large
-    #[error("PSF grid: half-width {got} px, wanted 1 to {LARGEST_HALF_PX} px")]
-    HalfWidth {
-        /// Half-width, px.
-        got: usize,
-    },
-    /// the number of samples does not fit the shape
-    #[error(
-        "PSF grid: {got} samples, wanted {side} x {side} = {}: 2 x {half_px} px x {oversampling} + {oversampling} + 1 along \
-         each side",
-        side * side
-    )]
-    Count {
-        /// Samples given.
-        got: usize,
-        /// Samples along each side.
-        side: usize,
-        /// Half-width, px.
-        half_px: usize,
-        /// Samples per pixel.
-        oversampling: usize,
-    },
-    /// a sample is not finite
-    #[error("PSF grid: the sample at column {column}, row {row} is {got}, wanted a finite number")]
-    NotFinite {
-        /// Column of the sample.
-        column: usize,
-        /// Row of the sample.
-        row: usize,
-        /// Value of the sample.
-        got: f64,
-    },
-    /// a sample is far below zero
-    #[error(
-        "PSF grid: the least sample is {least:.3e}, {:.1} % of the peak below zero, wanted at most {:.0} %; subtract the \
-         background, or take a measurement with less noise",
-        -100.0 * least / peak,
-        100.0 * NEGATIVE_SHARE
-    )]
-    Negative {
-        /// The smallest sample.
-        least: f64,
-        /// The largest sample.
-        peak: f64,
-    },
-    /// the samples do not contain the light of one star
-    #[error(
-        "PSF grid: the samples hold {got:.4} of the light, wanted {} to {}; normalise them, or take a larger grid",
-        FLUX_RANGE.0,
-        FLUX_RANGE.1
-    )]
-    Flux {
-        /// Share of the light.
-        got: f64,
-    },
-}
 
 /// A pixel-integrated PSF given by samples.
 #[derive(Debug, Clone, PartialEq)]
@@ -128,28 +63,49 @@ impl PsfGrid {
     /// # Errors
     /// When the samples have another shape, are not finite, fall below zero by more than [`NEGATIVE_SHARE`] of the
     /// peak, or contain a flux outside [`FLUX_RANGE`].
-    pub fn new(oversampling: usize, half_px: usize, samples: Vec<f64>) -> Result<Self, PsfGridError> {
+    pub fn new(oversampling: usize, half_px: usize, samples: Vec<f64>) -> Result<Self, Refused> {
         if !oversampling.is_multiple_of(2) || !(2..=MOST_OVERSAMPLING).contains(&oversampling) {
-            return Err(PsfGridError::Oversampling { got: oversampling });
+            return Err(Refused(format!(
+                "PSF grid: {oversampling} samples per pixel, wanted an even number from 2 to {MOST_OVERSAMPLING}"
+            )));
         }
         if !(1..=LARGEST_HALF_PX).contains(&half_px) {
-            return Err(PsfGridError::HalfWidth { got: half_px });
+            return Err(Refused(format!("PSF grid: half-width {half_px} px, wanted 1 to {LARGEST_HALF_PX} px")));
         }
         let side = Self::side_of(oversampling, half_px);
         if samples.len() != side * side {
-            return Err(PsfGridError::Count { got: samples.len(), side, half_px, oversampling });
+            return Err(Refused(format!(
+                "PSF grid: {got} samples, wanted {side} x {side} = {}: 2 x {half_px} px x {oversampling} + \
+                 {oversampling} + 1 along each side",
+                side * side,
+                got = samples.len()
+            )));
         }
         if let Some(at) = samples.iter().position(|v| !v.is_finite()) {
-            return Err(PsfGridError::NotFinite { column: at % side, row: at / side, got: samples[at] });
+            return Err(Refused(format!(
+                "PSF grid: the sample at column {column}, row {row} is {got}, wanted a finite number",
+                column = at % side,
+                row = at / side,
+                got = samples[at]
+            )));
         }
         let (least, peak) =
             samples.iter().fold((f64::INFINITY, 0.0_f64), |(least, most), v| (least.min(*v), most.max(*v)));
         let flux = flux_of(&samples, side, oversampling);
         if !(FLUX_RANGE.0..=FLUX_RANGE.1).contains(&flux) {
-            return Err(PsfGridError::Flux { got: flux });
+            return Err(Refused(format!(
+                "PSF grid: the samples hold {flux:.4} of the light, wanted {} to {}; normalise them, or take \
+                 a larger grid",
+                FLUX_RANGE.0, FLUX_RANGE.1
+            )));
         }
         if least < -NEGATIVE_SHARE * peak {
-            return Err(PsfGridError::Negative { least, peak });
+            return Err(Refused(format!(
+                "PSF grid: the least sample is {least:.3e}, {:.1} % of the peak below zero, wanted at \
+                 most {:.0} %; subtract the background, or take a measurement with less noise",
+                -100.0 * least / peak,
+                100.0 * NEGATIVE_SHARE
+            )));
         }
         let lost = lost_by_half_width(&samples, side, oversampling, half_px);
         let spline = Spline::new(&samples, side);
@@ -164,7 +120,7 @@ impl PsfGrid {
     ///
     /// # Errors
     /// The same errors as [`Self::new`].
-    pub fn sampled(oversampling: usize, half_px: usize, pixel: impl Fn(f64, f64) -> f64) -> Result<Self, PsfGridError> {
+    pub fn sampled(oversampling: usize, half_px: usize, pixel: impl Fn(f64, f64) -> f64) -> Result<Self, Refused> {
         let side = Self::side_of(oversampling.min(MOST_OVERSAMPLING), half_px.min(LARGEST_HALF_PX));
         let at = |i: usize| (i as f64 - (side / 2) as f64) / oversampling as f64;
         let samples = (0..side * side).map(|i| pixel(at(i % side), at(i / side))).collect();
@@ -348,6 +304,92 @@ fn core_sigma_px(curvature: f64) -> f64 {
     low
 }
 
+/// The cubic B-spline with natural ends through an image, by sample.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Spline {
+    /// Coefficients, with one more than the samples on every side.
+    coefficients: Vec<f64>,
+    columns: usize,
+    rows: usize,
+}
+
+impl Spline {
+    /// Returns the spline through samples, row by row, `columns` in each.
+    pub fn new(samples: &[f64], columns: usize) -> Self {
+        let rows = samples.len() / columns;
+        let stride = columns + 2;
+        let mut out = vec![0.0; stride * (rows + 2)];
+        for (row, line) in samples.chunks_exact(columns).enumerate() {
+            natural(line.iter().copied(), &mut out[(row + 1) * stride..(row + 2) * stride]);
+        }
+        let mut column = vec![0.0; rows + 2];
+        for x in 0..stride {
+            natural((1..=rows).map(|y| out[y * stride + x]), &mut column);
+            for (y, value) in column.iter().enumerate() {
+                out[y * stride + x] = *value;
+            }
+        }
+        Self { coefficients: out, columns, rows }
+    }
+
+    /// Returns the coefficients row by row, with one more on every side than there are samples.
+    pub fn coefficients(&self) -> &[f64] {
+        &self.coefficients
+    }
+
+    /// Returns its value at a place counted in samples from the first; 0 outside.
+    pub fn at(&self, x: f64, y: f64) -> f64 {
+        // Negated, so that NaN counts as outside.
+        let inside = |v: f64, n: usize| v >= 0.0 && v <= n as f64 - 1.0;
+        if !inside(x, self.columns) || !inside(y, self.rows) {
+            return 0.0;
+        }
+        let ((first_x, wx), (first_y, wy)) = (taps(x, self.columns), taps(y, self.rows));
+        let stride = self.columns + 2;
+        let mut sum = 0.0;
+        for (m, wy) in wy.iter().enumerate() {
+            let at = (first_y + m) * stride + first_x;
+            let row = &self.coefficients[at..at + 4];
+            sum += wy * row.iter().zip(wx).map(|(c, wx)| c * wx).sum::<f64>();
+        }
+        sum
+    }
+}
+
+/// Returns the first of four coefficients along an axis of `n` samples, and their weights.
+fn taps(at: f64, n: usize) -> (usize, [f64; 4]) {
+    // The last interval includes its end.
+    let j = at.floor().clamp(0.0, n as f64 - 2.0);
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the samples")]
+    (j as usize, weights(at - j))
+}
+
+/// Solves one axis by elimination: `(c[i - 1] + 4 c[i] + c[i + 1]) / 6 = f[i]` with a vanishing second derivative at
+/// both ends, where therefore `c = f`.
+fn natural(samples: impl Iterator<Item = f64>, out: &mut [f64]) {
+    let last = out.len() - 2;
+    for (c, f) in out[1..=last].iter_mut().zip(samples) {
+        *c = f;
+    }
+    let mut gains = vec![0.0; last];
+    for i in 2..last {
+        let below = 1.0 / (4.0 - gains[i - 1]);
+        gains[i] = below;
+        out[i] = (6.0 * out[i] - out[i - 1]) * below;
+    }
+    for i in (2..last).rev() {
+        out[i] -= gains[i] * out[i + 1];
+    }
+    out[0] = 2.0 * out[1] - out[2];
+    out[last + 1] = 2.0 * out[last] - out[last - 1];
+}
+
+/// Returns the weights of the coefficients at offsets -1, 0, 1, 2 for a point at a share `t` in [0, 1] after offset 0.
+fn weights(t: f64) -> [f64; 4] {
+    let r = 1.0 - t;
+    [r * r * r / 6.0, (4.0 - 3.0 * t * t * (2.0 - t)) / 6.0, (4.0 - 3.0 * r * r * (2.0 - r)) / 6.0, t * t * t / 6.0]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -421,17 +463,19 @@ mod tests {
         let refused = |oversampling, half_px, f: &dyn Fn(f64, f64) -> f64| {
             PsfGrid::sampled(oversampling, half_px, f).expect_err("refused")
         };
-        assert_eq!(refused(3, 5, &good), PsfGridError::Oversampling { got: 3 });
-        assert_eq!(refused(34, 5, &good), PsfGridError::Oversampling { got: 34 });
-        assert_eq!(refused(4, 0, &good), PsfGridError::HalfWidth { got: 0 });
-        assert_eq!(refused(4, 49, &good), PsfGridError::HalfWidth { got: 49 });
-        assert!(matches!(PsfGrid::new(4, 5, vec![0.0; 44]), Err(PsfGridError::Count { got: 44, side: 45, .. })));
+        let even = "samples per pixel, wanted an even number from 2 to 32";
+        assert_eq!(refused(3, 5, &good), Refused(format!("PSF grid: 3 {even}")));
+        assert_eq!(refused(34, 5, &good), Refused(format!("PSF grid: 34 {even}")));
+        assert_eq!(refused(4, 0, &good), Refused("PSF grid: half-width 0 px, wanted 1 to 48 px".into()));
+        assert_eq!(refused(4, 49, &good), Refused("PSF grid: half-width 49 px, wanted 1 to 48 px".into()));
+        let says = |refused: Refused, words: &str| assert!(refused.0.contains(words), "{refused}");
+        says(PsfGrid::new(4, 5, vec![0.0; 44]).expect_err("too few"), "44 samples, wanted 45 x 45 = 2025:");
         let hole = |x: f64, y: f64| if x == 0.25 && y == -0.5 { f64::NAN } else { good(x, y) };
-        assert!(matches!(refused(4, 5, &hole), PsfGridError::NotFinite { column: 23, row: 20, .. }));
-        assert!(matches!(refused(4, 5, &|x, y| 3.0 * good(x, y)), PsfGridError::Flux { .. }));
-        assert!(matches!(refused(4, 5, &|x, y| 0.4 * good(x, y)), PsfGridError::Flux { .. }));
+        says(refused(4, 5, &hole), "the sample at column 23, row 20 is NaN");
+        says(refused(4, 5, &|x, y| 3.0 * good(x, y)), "of the light, wanted 0.5 to 1.01;");
+        says(refused(4, 5, &|x, y| 0.4 * good(x, y)), "of the light, wanted 0.5 to 1.01;");
         let rim = |depth: f64| move |x: f64, y: f64| good(x, y) - if x > 5.4 { depth * good(0.0, 0.0) } else { 0.0 };
-        assert!(matches!(refused(4, 5, &rim(0.011)), PsfGridError::Negative { .. }));
+        says(refused(4, 5, &rim(0.011)), "of the peak below zero, wanted at most 1 %");
         assert!(PsfGrid::sampled(4, 5, rim(0.009)).is_ok(), "a little below zero is noise");
     }
 }

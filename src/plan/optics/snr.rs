@@ -68,7 +68,8 @@ pub fn electrons_for_snr(snr: f64, noise: &NoiseInAperture) -> f64 {
 /// A square window about a star on the centre of its middle pixel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Window {
-    side_px: usize,
+    /// Side, px; odd.
+    pub side_px: usize,
     /// Shares of the star's light, row by row.
     shares: Vec<f64>,
 }
@@ -121,11 +122,6 @@ impl Window {
             }
         }
         best
-    }
-
-    /// Returns the side, px; odd.
-    pub fn side_px(&self) -> usize {
-        self.side_px
     }
 
     /// Returns the share of the star's light in the window (ensquared energy).
@@ -231,7 +227,7 @@ mod tests {
 
     #[test]
     fn the_best_window_is_found_and_follows_the_psf() {
-        let side = |sigma| Window::best(&PsfModel::gaussian(sigma), &pixel(), 5.0, 25).side_px();
+        let side = |sigma| Window::best(&PsfModel::gaussian(sigma), &pixel(), 5.0, 25).side_px;
         assert_eq!(side(0.3), 1);
         assert_eq!(side(0.8), 3);
         assert!(side(2.0) >= 5, "{}", side(2.0));

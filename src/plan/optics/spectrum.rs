@@ -2,6 +2,9 @@
 //!
 //! Wavelengths in nm, ascending; values finite and not negative. Outside the table the value is 0: a detector without a
 //! stated quantum efficiency counts nothing. Validation: the tests below, both sides of every rule.
+//!
+//! [`SpectralWeight`]: light of one wavelength, as a share of the detector's electrons: the effect of a band and a
+//! star's colour on the PSF.
 
 use crate::optics::quadrature::{Node, gauss_legendre};
 
@@ -147,7 +150,7 @@ const WIDEST_CELL_NM: f64 = 10.0;
 /// Gauss-Legendre nodes per cell integrate smooth functions only.
 #[derive(Debug, Clone)]
 pub(super) struct Cells {
-    edges_nm: Vec<f64>,
+    pub(super) edges_nm: Vec<f64>,
     nodes: Vec<Node>,
 }
 
@@ -171,11 +174,6 @@ impl Cells {
         Self { edges_nm, nodes: gauss_legendre(NODES) }
     }
 
-    /// Returns the edges of the cells, ascending, nm.
-    pub(super) fn edges_nm(&self) -> &[f64] {
-        &self.edges_nm
-    }
-
     /// Returns the integral of `f(nm)`, per nm of its unit.
     pub(super) fn integral(&self, f: impl Fn(f64) -> f64) -> f64 {
         self.edges_nm.windows(2).map(|cell| self.cell_integral(cell[0], cell[1], &f)).sum()
@@ -185,6 +183,15 @@ impl Cells {
         let (width, middle) = (to_nm - from_nm, 0.5 * (from_nm + to_nm));
         width * self.nodes.iter().map(|node| node.weight * f(middle + width * node.x)).sum::<f64>()
     }
+}
+
+/// One wavelength of a band.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SpectralWeight {
+    /// Wavelength, nm.
+    pub wavelength_nm: f64,
+    /// Share of the electrons that light near this wavelength makes; the shares of a band sum to 1.
+    pub weight: f64,
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Calibration of costs: small scenes through the real planner, backend and detector -> [`CostModel`] of this machine.
 //!
 //! Empty frames of two sizes, static stars, stars by samples, an effective PSF with few and many nodes and stars, and
-//! an Airy PSF; the median time of each, then `plan::exposure::cost_fit`. Limits: an idle machine is assumed; on a GPU
+//! an Airy PSF; the median time of each, then `plan::exposure::cost`. Limits: an idle machine is assumed; on a GPU
 //! drawing and readout are timed together and the time per pixel is shared out between the two as in the built-in
 //! constants.
 //!
@@ -19,7 +19,7 @@ use config::Backend;
 use image::detector::{DetectorConditions, DetectorParams};
 use plan::attitude::LosPath;
 use plan::exposure::cost::{CostModel, Load};
-use plan::exposure::cost_fit::{Timing, fit};
+use plan::exposure::cost::{Timing, fit};
 use plan::exposure::method::{Method, MethodName};
 use plan::exposure::{
     Instrument, MethodChoice, PixelPath, PixelPoint, Planner, PsfSampling, Shutter, Source, SourcePlace,

@@ -11,7 +11,7 @@ use base::axes::{Rotation, Sensor, ra_dec_roll};
 use base::{drawn::FrameMethod, time::Span, units::ARCSEC};
 use frames::camera_control::CameraSettings;
 use frames::sink::{ActiveFaults, FaultFlags, FrameMeta};
-use image::detector::{Seeds, levels::Levels};
+use image::{detector::Seeds, detector::readout::Levels};
 use plan::attitude::{LosPath, PathOrigin, PathReport};
 use plan::exposure::ExposurePlan;
 

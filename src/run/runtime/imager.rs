@@ -209,7 +209,7 @@ impl Imager {
 
     /// Returns the electrons that the latest image lacks because only the brighter of stars and targets is kept.
     pub fn overlap_lost_e(&self) -> f64 {
-        self.apart.as_ref().map_or(0.0, |apart| apart.lost_e())
+        self.apart.as_ref().map_or(0.0, |apart| apart.lost_e)
     }
 
     fn backend(&self) -> &dyn Renderer {

@@ -235,7 +235,7 @@ fn pairs_are_counted_since_the_start_and_those_left_out_by_reason() {
     }
     let counts = |cable: &Cable| {
         let clock = &cable.receiver.clock;
-        (clock.pairs(), clock.late(), clock.outliers())
+        (clock.pairs, clock.late, clock.outliers)
     };
     assert_eq!(counts(&cable), (500, 0, 0), "not those of a window");
     // Stamps 300 ms in the past are late; stamps 50 ms ahead are outliers.

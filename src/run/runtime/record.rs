@@ -236,7 +236,7 @@ fn link_counts(receiver: &Receiver, ports: &[PortReading]) -> LinkCounts {
     let mut add = |name: &str, count: u64| counts.counters.insert(name.to_string(), count);
     add("attitudes_accepted", history.accepted);
     add("jitter_points_accepted", receiver.mounting(0).jitter.counts().accepted);
-    add("clock_pairs", receiver.clock.pairs());
+    add("clock_pairs", receiver.clock.pairs);
     for (number, port) in ports.iter().enumerate() {
         count_port(&mut counts, number, port);
     }
@@ -275,7 +275,7 @@ fn link_counts(receiver: &Receiver, ports: &[PortReading]) -> LinkCounts {
         ("older_than_history", history.older_than_history),
     ];
     let clock = &receiver.clock;
-    let marks = [("late_time_mark", clock.late()), ("outlier_time_mark", clock.outliers())];
+    let marks = [("late_time_mark", clock.late), ("outlier_time_mark", clock.outliers)];
     for (name, count) in history.into_iter().chain(marks).filter(|(_, count)| *count > 0) {
         *counts.rejects.entry(name.into()).or_default() += count;
     }

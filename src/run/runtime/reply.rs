@@ -127,8 +127,8 @@ fn all_rejects(ports: &[u32; REASONS], receiver: &Receiver) -> [u32; REASONS] {
         add(Reject::UnknownValue, counts.too_fast);
     }
     // A pair that came too late has a time older than possible, an outlying one a newer time.
-    add(Reject::StaleTime, receiver.clock.late());
-    add(Reject::FutureTime, receiver.clock.outliers());
+    add(Reject::StaleTime, receiver.clock.late);
+    add(Reject::FutureTime, receiver.clock.outliers);
     all
 }
 

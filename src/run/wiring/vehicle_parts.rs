@@ -11,7 +11,7 @@ use base::units::{ARCSEC, DEG};
 use config::{Bench, Camera, JitterSource, Observer, OrbitSettings, Pointing, Scenario, TrackerCommands, Vehicle};
 use frames::camera_control::{EXPOSURE_LEAST, longest_exposure_s};
 use glam::{DMat3, DVec3};
-use image::detector::levels::Levels;
+use image::detector::readout::Levels;
 use plan::optics::mtf::MtfChain;
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};

@@ -6,8 +6,7 @@
 //! Tests below: round trip to [`ROUND_TRIP_PX`], Jacobian against differences, domain; independent projection in
 //! `tests/physics/apparent_places`.
 
-use super::distortion::{BrownConrady, Distortion, Domain};
-use super::{AstrometryError, distortion_polynomial::PolynomialDistortion};
+use super::distortion::{BrownConrady, Distortion, Domain, PolynomialDistortion};
 use glam::{DVec2, DVec3};
 
 /// Largest image side accepted, px.
@@ -266,6 +265,38 @@ fn split_one(px: f64) -> Option<(i32, f32)> {
     }
     // A fraction just below 0.5 rounds to 0.5 in single precision: it belongs to the next pixel.
     if fraction >= 0.5 { Some((whole as i32 + 1, fraction - 1.0)) } else { Some((whole as i32, fraction)) }
+}
+
+/// Why a camera geometry was refused.
+#[derive(Debug, thiserror::Error, PartialEq)]
+pub enum AstrometryError {
+    /// A number is out of range or not finite.
+    #[error("camera geometry: {parameter} wanted {wanted}, got {got}")]
+    Parameter {
+        /// Name of the parameter, with its unit.
+        parameter: &'static str,
+        /// Accepted range.
+        wanted: &'static str,
+        /// Value given.
+        got: f64,
+    },
+    /// The distortion model folds over inside the image.
+    #[error(
+        "camera geometry: distortion is one-to-one only to {limit_deg:.2} deg off axis and no direction reaches the image corner at ({x_px}, {y_px}) px; check signs and units of the coefficients (k1, k2, k3, p1, p2, or the polynomial's: all for lengths in focal lengths)"
+    )]
+    DistortionFolds {
+        /// Off-axis angle to which the model may be used, deg.
+        limit_deg: f64,
+        /// Column of the corner, px.
+        x_px: f64,
+        /// Row of the corner, px.
+        y_px: f64,
+    },
+    /// Two models of distortion at once.
+    #[error(
+        "camera geometry: wanted one model of distortion, got Brown and Conrady's coefficients and a polynomial; put their terms into the polynomial"
+    )]
+    TwoDistortions,
 }
 
 #[cfg(test)]

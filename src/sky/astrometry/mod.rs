@@ -5,24 +5,12 @@
 //! [`Vantage`]; [`CameraGeometry`] does the last two, in sensor axes.
 //! The attitude comes between the two; it belongs to `plan::attitude`.
 
-mod aberration;
 mod apparent;
 mod camera;
-mod deflection;
 mod distortion;
-mod distortion_polynomial;
-mod error;
-mod parallax;
-mod space_motion;
 mod vantage;
 
-pub use aberration::{Aberration, aberrated};
-pub use apparent::{ApparentPlaces, PROVEN_YEARS, cone_margin_rad, years_since};
-pub use camera::{CameraGeometry, CameraParameters, PixelPosition};
-pub use deflection::{Deflection, deflected};
-pub use distortion::{BrownConrady, Distortion};
-pub use distortion_polynomial::{DEGREE as DISTORTION_DEGREE, PolynomialDistortion};
-pub use error::AstrometryError;
-pub use parallax::parallax_shifted;
-pub use space_motion::at_epoch;
-pub use vantage::{Sight, Vantage};
+pub use apparent::{ApparentPlaces, PROVEN_YEARS, at_epoch, cone_margin_rad, parallax_shifted, years_since};
+pub use camera::{AstrometryError, CameraGeometry, CameraParameters, PixelPosition};
+pub use distortion::{BrownConrady, DEGREE as DISTORTION_DEGREE, Distortion, PolynomialDistortion};
+pub use vantage::{Aberration, Deflection, Sight, Vantage, aberrated, deflected};

@@ -5,9 +5,6 @@
 //! is below 0.1 mas.
 
 mod centre;
-mod circular;
-mod elements_file;
-mod nutation;
 mod omm;
 mod omm_forms;
 mod precession;
@@ -16,9 +13,8 @@ mod tle;
 mod tle_tests;
 mod two_body;
 
-pub use centre::{CentralBody, EARTH_GM_KM3_S2, MOON_GM_KM3_S2, SUN_GM_KM3_S2};
-pub use circular::CircularOrbit;
-pub use elements_file::is_elements;
+pub use centre::{CentralBody, CircularOrbit, EARTH_GM_KM3_S2, MOON_GM_KM3_S2, SUN_GM_KM3_S2};
+pub use omm::is_elements;
 pub(crate) use precession::icrf_from_mean_of_date;
 pub use tle::{TleOrbit, USUAL_DAYS, USUAL_MOST_DAYS};
 pub use two_body::{KeplerElements, TwoBodyOrbit};

@@ -1,13 +1,14 @@
 //! Orbit mean-elements messages (CCSDS 502.0-B) -> an orbit that SGP4 follows.
 //!
 //! In: messages in one of the forms of [`super::omm_forms`], numbers with or without quotes. Out: [`TleOrbit`]s, of the
-//! one object or the one with a catalog number. The elements are those that two lines carry, with more digits and longer
-//! numbers. Limits: the theory must be SGP4 about the Earth in TEME, and units those of the standard, where the message
-//! says so. Tests: below; elements in all forms are one orbit.
+//! one object or the one with a catalog number. The elements are those that two lines carry, with more digits and
+//! longer numbers. Limits: the theory must be SGP4 about the Earth in TEME, and units those of the standard, where the
+//! message says so. Tests: below; elements in all forms are one orbit.
 
 use super::TleOrbit;
-use super::omm_forms::{Form, Message, messages};
-use base::refused::Refused;
+use super::omm_forms::{Form, Message, form_of, messages};
+use super::tle::{LINE_LENGTH, is_line, no_such_object};
+use base::{refused::Refused, time::Tai};
 use sgp4::chrono::NaiveDateTime;
 
 /// Words that are known, where the message has the key.
@@ -155,6 +156,39 @@ fn orbit_of(message: &Message, norad_id: Option<u64>) -> Result<TleOrbit, Refuse
     })
 }
 
+/// Mark of UTF-8, with which some programs begin a file.
+const BYTE_ORDER_MARK: char = '\u{feff}';
+
+/// Returns whether a text is meant as elements: a message of mean elements, or lines that begin with 1 and 2, whatever
+/// else is wrong with them, or one of the two with its whole length.
+pub fn is_elements(text: &str) -> bool {
+    let text = text.trim_start_matches(BYTE_ORDER_MARK);
+    let has_line = |number: char| text.lines().any(|line| is_line(number, line) && !line.contains(','));
+    let is_whole = |line: &str| {
+        line.trim_end().len() == LINE_LENGTH && !line.contains(',') && (is_line('1', line) || is_line('2', line))
+    };
+    form_of(text).is_some() || (has_line('1') && has_line('2')) || text.lines().any(is_whole)
+}
+
+impl TleOrbit {
+    /// Reads the object with `norad_id`, or the only one, of a text: pairs of element lines, or an OMM as JSON, KVN, XML
+    /// or CSV. Of several sets of the object the one whose epoch is nearest to `near` is taken.
+    ///
+    /// # Errors
+    /// When the text has no such object, or several and none is asked for, or other lines than pairs and their titles;
+    /// or when a set of the object is damaged or no orbit that SGP4 follows, with its place.
+    pub fn read(text: &str, norad_id: Option<u64>, near: Tai) -> Result<Self, Refused> {
+        let text = text.trim_start_matches(BYTE_ORDER_MARK);
+        let sets = match form_of(text) {
+            Some(form) => sets(text, form, norad_id)?,
+            None => Self::sets_of_lines(text, norad_id)?,
+        };
+        let days = |set: &Self| set.days_from_epoch(near).abs();
+        let nearest = sets.into_iter().min_by(|a, b| days(a).total_cmp(&days(b)));
+        nearest.ok_or_else(|| no_such_object(norad_id, 0))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -177,7 +211,7 @@ mod tests {
     #[test]
     fn both_forms_are_one_orbit() {
         let (lines, message) = (TleOrbit::parse(LINES).unwrap(), read(OBJECT, None).unwrap());
-        assert_eq!((lines.norad_id(), message.norad_id()), (25_544, 25_544));
+        assert_eq!((lines.norad_id, message.norad_id), (25_544, 25_544));
         let epoch = Tai::from_rfc3339("2008-09-20T12:25:40.104192Z").unwrap();
         for hours in [0.0, 7.3, 100.0] {
             let at = epoch + Span::from_s(3_600.0 * hours);
@@ -191,8 +225,8 @@ mod tests {
     fn one_of_many_is_chosen_by_its_number() {
         let other = OBJECT.replace("25544", "\"123456789\"").replace("51.6416", "63.4");
         let list = format!("[{OBJECT}, {other}]");
-        assert_eq!(read(&list, Some(123_456_789)).unwrap().norad_id(), 123_456_789);
-        assert_eq!(read(&list, Some(25_544)).unwrap().norad_id(), 25_544);
+        assert_eq!(read(&list, Some(123_456_789)).unwrap().norad_id, 123_456_789);
+        assert_eq!(read(&list, Some(25_544)).unwrap().norad_id, 25_544);
         let message = |text: &str, id| read(text, id).unwrap_err().to_string();
         assert!(message(&list, None).contains("2 objects"), "{}", message(&list, None));
         assert!(message(&list, Some(7)).contains("NORAD_CAT_ID 7"), "{}", message(&list, Some(7)));

@@ -52,7 +52,8 @@ const DECIMAL_FIELDS: [(usize, usize, usize, &str); 11] = [
 /// An orbit given by two-line elements, ready to be followed.
 #[derive(Debug, Clone)]
 pub struct TleOrbit {
-    norad_id: u64,
+    /// Number of the object in the elements.
+    pub norad_id: u64,
     epoch_unix_s: f64,
     constants: sgp4::Constants,
     /// Revolutions a day.
@@ -157,11 +158,6 @@ impl TleOrbit {
     pub fn usual_error(&self, at: Tai) -> [f64; 2] {
         let error_km = KM_PER_DAY * self.days_from_epoch(at).abs();
         [error_km, error_km * self.per_day * TAU / DAY_S]
-    }
-
-    /// Returns the number of the object in the elements.
-    pub fn norad_id(&self) -> u64 {
-        self.norad_id
     }
 
     /// Days from the elements' epoch to `at`; positive after it.
@@ -402,7 +398,7 @@ mod tests {
         ] {
             let reported = read(&text, None).expect_err("damaged").to_string();
             assert!(reported.contains(&format!("line {line} of the file")), "{text}: {reported}");
-            assert_eq!(read(&text, Some(5)).expect("asked for").norad_id(), 5);
+            assert_eq!(read(&text, Some(5)).expect("asked for").norad_id, 5);
         }
     }
 
@@ -465,7 +461,7 @@ mod tests {
         let [position_km, _] = orbit.teme_state(0.0).expect("at its epoch");
         assert!(position_km.distance(DVec3::new(7_473.37102491, 428.94748312, 5_828.74846783)) < 1e-3, "{position_km}");
         let marked = format!("\u{feff}{FIRST}\n{SECOND}\n");
-        assert_eq!(read(&marked, None).expect("a mark does no damage").norad_id(), 5);
+        assert_eq!(read(&marked, None).expect("a mark does no damage").norad_id, 5);
         assert!(super::super::is_elements(&marked));
         // One line without the other.
         for line in [FIRST, SECOND] {
@@ -500,7 +496,7 @@ mod tests {
         ];
         let file = format!("VANGUARD 1\r\n{FIRST}\r\n{SECOND}\r\n0 ISS\n{}\n{}\n", OTHER[0], OTHER[1]);
         for id in [5, 25_544] {
-            assert_eq!(read(&file, Some(id)).expect("in the file").norad_id(), id);
+            assert_eq!(read(&file, Some(id)).expect("in the file").norad_id, id);
         }
         let message = |text: &str, id| read(text, id).expect_err("no choice").to_string();
         assert!(
@@ -508,9 +504,9 @@ mod tests {
                 && message(&file, Some(6)).contains("number 6, got none among 2")
         );
         assert!(message("", None).contains("among 0"), "{}", message("", None));
-        assert_eq!(read(&format!("{FIRST}\n{SECOND}"), None).expect("the only one").norad_id(), 5);
+        assert_eq!(read(&format!("{FIRST}\n{SECOND}"), None).expect("the only one").norad_id, 5);
         let titled = format!("\nVANGUARD 1\n\n{FIRST}\n{SECOND}\n\n");
-        assert_eq!(read(&titled, None).expect("the only one").norad_id(), 5);
+        assert_eq!(read(&titled, None).expect("the only one").norad_id, 5);
         let short = message(&file.replace(OTHER[1], &OTHER[1][..60]), Some(25_544));
         assert!(short.contains("line 2") && short.contains("69"), "{short}");
         assert_eq!((number_of("A0001"), number_of("Z9999"), number_of("I0001")), (Some(100_001), Some(339_999), None));

@@ -248,4 +248,5 @@ fn check(parameter: &'static str, wanted: &'static str, got: f64, low: f64, high
 }
 
 #[cfg(test)]
+#[path = "two_body_tests.rs"]
 mod tests;

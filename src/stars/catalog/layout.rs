@@ -20,7 +20,7 @@
 //!
 //! Stars of one tile are sorted by magnitude, so that a brightness cut is a prefix of the tile.
 
-use crate::steps::{u32_at, u64_at};
+use crate::store::{u32_at, u64_at};
 use core::f64::consts::{PI, TAU};
 
 /// First bytes of a packed catalog.
@@ -114,11 +114,11 @@ pub(super) struct StarRecord {
     pub(super) pm_ra: i32,
     /// Proper motion in declination, likewise.
     pub(super) pm_dec: i32,
-    /// G magnitude above -2 in [`MAG_STEP`](crate::steps::MAG_STEP).
+    /// G magnitude above -2 in [`MAG_STEP`](crate::store::MAG_STEP).
     pub(super) g: u16,
     /// BP - RP, likewise.
     pub(super) bp_rp: i16,
-    /// Parallax, [`PARALLAX_STEP_MAS`]; [`NO_PARALLAX`](crate::steps::NO_PARALLAX) when unknown. Stored in its own
+    /// Parallax, [`PARALLAX_STEP_MAS`]; [`NO_PARALLAX`](crate::store::NO_PARALLAX) when unknown. Stored in its own
     /// column.
     pub(super) parallax: u16,
 }

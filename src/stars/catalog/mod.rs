@@ -10,7 +10,6 @@
 //! Tests: `packing_keeps_every_field` (round trip within half steps), `cone_agrees_with_brute_force`,
 //! `places_in_2050_are_those_of_the_csv`.
 
-mod error;
 mod layout;
 mod open;
 mod pack;

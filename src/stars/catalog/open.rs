@@ -4,9 +4,8 @@ use super::layout::{
     DEC_STEP_RAD, HEADER_BYTES, Header, MAGIC, MOST_BYTES, NO_PROPER_MOTION, NUMBER_BYTES, PARALLAX_BYTES,
     PARALLAX_STEP_MAS, PM_STEP_MAS_YR, RA_STEP_RAD, RECORD_BYTES, StarRecord, TILE_ORDER, TILES, VERSION, file_crc32,
 };
-use crate::catalog::error;
-use crate::steps::{MAG_STEP, NO_PARALLAX, mag_of, source, u32_at};
-use crate::{StarIndex, cover::chord_squared, numbering::Numbering};
+use crate::store::{MAG_STEP, NO_PARALLAX, mag_of, source, u32_at};
+use crate::{StarIndex, catalog::pack, healpix::chord_squared, numbering::Numbering};
 use base::source::{CatalogSource, direction_from_ra_dec};
 use base::{input_file::read_bytes, refused::Refused, source_id::SourceId};
 use glam::DVec3;
@@ -40,7 +39,7 @@ impl Catalog {
         let length = std::fs::metadata(path).map_err(failed)?.len();
         if length > MOST_BYTES {
             let count = usize::try_from(length).unwrap_or(usize::MAX);
-            return Err(error::too_many("bytes", count, MOST_BYTES as usize));
+            return Err(pack::too_many("bytes", count, MOST_BYTES as usize));
         }
         let bytes = read_bytes(path, MOST_BYTES)
             .map_err(|source| Refused(format!("catalog {path}: {source}", path = path.display())))?;

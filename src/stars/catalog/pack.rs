@@ -14,8 +14,7 @@ use super::layout::{
     DEC_STEP_RAD, FASTEST_MAS_YR, Header, MOST_STARS, NO_PROPER_MOTION, PARALLAX_STEP_MAS, PM_STEP_MAS_YR, RA_STEP_RAD,
     StarRecord, TILE_ORDER, TILES, VERSION, file_crc32,
 };
-use crate::catalog::error;
-use crate::steps::{COLOUR_DOMAIN_MAG, FAINTEST_MAG, MAG_STEP, MAG_ZERO, NO_PARALLAX, nearest_i16, nearest_u16};
+use crate::store::{COLOUR_DOMAIN_MAG, FAINTEST_MAG, MAG_STEP, MAG_ZERO, NO_PARALLAX, nearest_i16, nearest_u16};
 use crate::{credits::credits_of, numbering::Origins};
 use base::{refused::Refused, units::DEG};
 use csv::StringRecord;
@@ -56,14 +55,14 @@ struct Star {
 /// When the text is not CSV, a column is missing or a cell is out of its field's range (with line and column).
 pub fn pack(input: impl Read, epoch_yr: f64, credits: Option<&str>) -> Result<(Vec<u8>, PackReport), Refused> {
     let mut reader = csv::Reader::from_reader(input);
-    let columns = Columns::find(reader.headers().map_err(error::not_csv)?)?;
+    let columns = Columns::find(reader.headers().map_err(not_csv)?)?;
     let mut report = PackReport::default();
     let mut stars = Vec::new();
     for row in reader.records() {
         if stars.len() == MOST_STARS {
-            return Err(error::too_many("stars", MOST_STARS + 1, MOST_STARS));
+            return Err(too_many("stars", MOST_STARS + 1, MOST_STARS));
         }
-        stars.push(star(&Row { columns: &columns, cells: row.map_err(error::not_csv)? }, &mut report)?);
+        stars.push(star(&Row { columns: &columns, cells: row.map_err(not_csv)? }, &mut report)?);
     }
     report.stars = stars.len();
     stars.sort_by_key(|star| (star.tile, star.record.g, star.source_id, star.record.ra, star.record.dec));
@@ -96,7 +95,7 @@ fn file(stars: &[Star], origins: &Origins, epoch_yr: f64, credits: &str) -> Resu
 }
 
 fn count(what: &'static str, count: usize) -> Result<u32, Refused> {
-    u32::try_from(count).map_err(|_| error::too_many(what, count, u32::MAX as usize))
+    u32::try_from(count).map_err(|_| too_many(what, count, u32::MAX as usize))
 }
 
 fn star(row: &Row<'_>, report: &mut PackReport) -> Result<Star, Refused> {
@@ -236,4 +235,16 @@ impl Row<'_> {
     fn source_id(&self) -> Result<i64, Refused> {
         self.text(SOURCE_ID).parse().map_err(|_| self.refuse(SOURCE_ID, "an integer".into()))
     }
+}
+
+/// More stars or text than a catalog in memory is meant to hold.
+pub(crate) fn too_many(what: &'static str, count: usize, most: usize) -> Refused {
+    Refused(format!(
+        "packed catalog: {count} {what}, wanted at most {most}: `starloop catalog import` takes any number of stars"
+    ))
+}
+
+/// The text is not CSV, or could not be read.
+pub(crate) fn not_csv(why: csv::Error) -> Refused {
+    Refused(format!("catalog CSV: {why}"))
 }

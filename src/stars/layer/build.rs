@@ -2,24 +2,28 @@
 //!
 //! Stars are dealt to files on disk, one for each layer and each of 3,072 parts of the sky ([`Sorting::add`]); then
 //! each file is sorted by tile and magnitude and appended to its layer ([`Sorting::finish`]). Memory: [`MEMORY_BYTES`]
-//! or what
-//! [`Sorting::with_memory`] says, wherever the stars are: while stars come, half of it for rows that wait for the disk;
-//! while files are sorted, as many rows as it holds at a time (`runs`), beside the tables of one layer (`writer`).
-//! After each input, [`Sorting::checkpoint`] writes down how long the files are: an import that is cut short goes on
-//! after its last whole input, as files are cut back to those lengths, when it reads the same inputs in the same way
-//! ([`Sorting::hold_to`]). Layers get their names when all are whole; that they are about to is written down before, so
-//! that an import cut short there goes on too ([`Sorting::is_finishing`]). A star whose row comes twice (the same
-//! number, place and magnitude) is taken once and counted. Tests: `tests`.
+//! or what [`Sorting::with_memory`] says, wherever the stars are: while stars come, half of it for rows that wait for
+//! the disk; while files are sorted, as many rows as it holds at a time (`runs`), beside the tables of one layer
+//! (`writer`). After each input, [`Sorting::checkpoint`] writes down how long the files are: an import that is cut
+//! short goes on after its last whole input, as files are cut back to those lengths, when it reads the same inputs in
+//! the same way ([`Sorting::hold_to`]). Layers get their names when all are whole; that they are about to is written
+//! down before, so that an import cut short there goes on too ([`Sorting::is_finishing`]). A star whose row comes twice
+//! (the same number, place and magnitude) is taken once and counted. Tests: `tests`.
+//!
+//! *Twins.* Rows of a tile in the order of a layer -> those whose number a brighter row of the tile has, at the same
+//! place.
+//!
+//! A star that two files have, or one file twice with other values, is one star. Only the [`MOST_KEPT`] brightest stars
+//! of a tile are compared, and a pair that lies across the edge of two tiles is not found. Tests: [`super::tests`].
 
 use super::layout::{TileFrame, order_for, tiles_of};
 use super::runs::{RunSort, SORTED_BYTES, each_row, new_file};
 use super::star::{NewStar, ROW_BYTES, StarCounts, TakenStar, WaitingRow};
-use super::twins::Twins;
 use super::writer::{Head, LayerReport, LayerWriter, UnnamedLayer, sync_folder_of};
-use crate::layer::error;
-use crate::{credits::credits_of, numbering::Origins};
+use crate::numbering::{NO_NUMBER, Origins};
+use crate::{credits::credits_of, layer::error};
 use base::input_file::{DATA_BYTES, read_bytes};
-use base::refused::Refused;
+use base::{refused::Refused, units::ARCSEC};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, OpenOptions};
@@ -413,4 +417,45 @@ pub fn layer_name(limit_mag: f32) -> String {
 
 fn rows_name(layer: usize, part: u64) -> String {
     format!("layer{layer}_part{part:04}.rows")
+}
+
+/// Stars of a tile that are compared.
+const MOST_KEPT: usize = 8192;
+/// Largest distance of two places of one star.
+const NEAR_RAD: f64 = 10.0 * ARCSEC;
+
+/// The stars of a tile so far, by their numbers.
+#[derive(Debug, Default)]
+pub(super) struct Twins {
+    tile: u64,
+    places: BTreeMap<i64, [f64; 2]>,
+    /// Rows that were left out.
+    pub(super) count: u64,
+    /// Number of the first of them.
+    pub(super) first: Option<i64>,
+}
+
+impl Twins {
+    /// Returns whether a row is of a star that was there before; counts it.
+    pub(super) fn is_known(&mut self, tile: u64, row: &WaitingRow) -> bool {
+        if row.source_id == NO_NUMBER {
+            return false;
+        }
+        if tile != self.tile {
+            (self.tile, self.places) = (tile, BTreeMap::new());
+        }
+        let [ra_rad, dec_rad] = row.place_rad();
+        if let Some([known_ra_rad, known_dec_rad]) = self.places.get(&row.source_id) {
+            let turn = (ra_rad - known_ra_rad).rem_euclid(core::f64::consts::TAU);
+            let east_rad = turn.min(core::f64::consts::TAU - turn) * dec_rad.cos();
+            let is_near = east_rad.hypot(dec_rad - known_dec_rad) < NEAR_RAD;
+            self.count += u64::from(is_near);
+            self.first = self.first.or(is_near.then_some(row.source_id));
+            return is_near;
+        }
+        if self.places.len() < MOST_KEPT {
+            self.places.insert(row.source_id, [ra_rad, dec_rad]);
+        }
+        false
+    }
 }

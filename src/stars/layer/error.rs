@@ -1,8 +1,7 @@
 //! Errors of a layer.
 
 use base::refused::Refused;
-use std::fmt::Display;
-use std::path::Path;
+use std::{fmt::Display, path::Path};
 
 /// The file has another length than its head promises.
 pub(crate) fn length(path: &Path, wanted: u64, got: u64) -> Refused {

@@ -24,7 +24,7 @@
 //! its head, and every tile is checked when it is read. Places are tangents about the tile's centre ([`TileFrame`]):
 //! at order 6 the step is 0.5 mas, and half of it at each order more.
 
-use crate::steps::{u32_at, u64_at};
+use crate::store::{u32_at, u64_at};
 use base::source::direction_from_ra_dec;
 use core::f64::consts::FRAC_PI_2;
 use glam::DVec3;
@@ -136,13 +136,13 @@ impl Header {
 pub struct StarRecord {
     /// Eastward and northward tangent about the tile's centre, 24 bits each.
     pub(super) place: [u32; 2],
-    /// G magnitude above -2 in [`MAG_STEP`](crate::steps::MAG_STEP).
+    /// G magnitude above -2 in [`MAG_STEP`](crate::store::MAG_STEP).
     pub(super) g: u16,
     /// BP - RP, likewise; [`NO_COLOUR`] when unknown.
     pub(super) bp_rp: i16,
     /// Proper motion eastward (with cos dec) and northward; [`NO_MOTION`] when unknown.
     pub(super) motion: [i16; 2],
-    /// Parallax, [`PARALLAX_STEP_MAS`]; [`NO_PARALLAX`](crate::steps::NO_PARALLAX) when unknown.
+    /// Parallax, [`PARALLAX_STEP_MAS`]; [`NO_PARALLAX`](crate::store::NO_PARALLAX) when unknown.
     pub(super) parallax: u16,
 }
 

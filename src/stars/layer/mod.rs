@@ -18,7 +18,6 @@ mod restored;
 mod runs;
 mod set;
 mod star;
-mod twins;
 mod writer;
 
 pub use build::{LEAST_MEMORY_BYTES, MEMORY_BYTES, Sorting, layer_name};

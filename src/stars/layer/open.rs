@@ -10,10 +10,9 @@ use super::layout::{
     PARALLAX_STEP_MAS, RECORD_BYTES, StarRecord, TileFrame, VERSION, VERSION_WITHOUT_NUMBERS, head_crc32, tiles_of,
 };
 use super::writer::head_bytes;
-use crate::layer::error;
 use crate::numbering::{NO_NUMBER, Numbering};
-use crate::steps::{MAG_STEP, MAG_ZERO, NO_PARALLAX, mag_of, source};
-use crate::{StarIndex, cover::chord_squared};
+use crate::store::{MAG_STEP, MAG_ZERO, NO_PARALLAX, mag_of, source};
+use crate::{StarIndex, healpix::chord_squared, layer::error};
 use base::{refused::Refused, source::CatalogSource, source_id::SourceId, units::DEG};
 use core::cmp::Ordering;
 use glam::DVec3;

@@ -6,7 +6,7 @@
 
 use super::layout::{NO_COLOUR, PARALLAX_STEP_MAS, StarRecord, TileFrame};
 use super::{open::Layer, star::NewStar};
-use crate::steps::{MAG_STEP, NO_PARALLAX, mag_of};
+use crate::store::{MAG_STEP, NO_PARALLAX, mag_of};
 use base::{refused::Refused, source::ra_dec_rad};
 
 /// Where a star is looked for inside its tile, steps: nearest first; the last two for what no half step finds.
@@ -76,7 +76,7 @@ fn magnitude(g: u16, [from, below]: [f32; 2]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::steps::MAG_ZERO;
+    use crate::store::MAG_ZERO;
     use base::{source::direction_from_ra_dec, units::MAS};
 
     #[test]

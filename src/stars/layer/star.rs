@@ -3,7 +3,7 @@
 use super::layout::{
     FASTEST_MAS_YR, NO_COLOUR, NO_MOTION, PARALLAX_STEP_MAS, StarRecord, TileFrame, motion_mas_yr, motion_steps,
 };
-use crate::steps::{
+use crate::store::{
     COLOUR_DOMAIN_MAG, FAINTEST_MAG, MAG_STEP, MAG_ZERO, NO_PARALLAX, mag_of, nearest_i16, nearest_u16, u64_at,
 };
 use base::{refused::Refused, source::direction_from_ra_dec};

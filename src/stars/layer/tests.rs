@@ -1,13 +1,12 @@
 //! Layers against brute force over the same stars; imports that are cut short; files that are damaged.
 
 use super::*;
-use crate::cover::chord_squared;
+use crate::healpix::chord_squared;
 use base::units::{DEG, MAS};
 use base::{source::direction_from_ra_dec, source_id::SourceId};
 use core::f64::consts::{PI, TAU};
 use glam::DVec3;
-use rand::rngs::StdRng;
-use rand::{RngExt, SeedableRng};
+use rand::{RngExt, SeedableRng, rngs::StdRng};
 use std::path::{Path, PathBuf};
 
 const LIMITS: [f32; 3] = [10.0, 14.0, 18.0];

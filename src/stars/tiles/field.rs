@@ -1,8 +1,7 @@
 //! Where the camera looks -> the stars of the tiles there.
 
-use super::block::{Decoder, Light, TileStar};
 use super::reader::{Answer, Reader};
-use super::store::{MOST_TILES, Place, Store};
+use super::store::{Decoder, Light, MOST_TILES, Place, Store, TileStar};
 use crate::layer::{LayerSet, TileId};
 use base::{refused::Refused, source_id::SourceId};
 use core::ops::Range;

@@ -11,13 +11,12 @@
 //! memory goes without its faintest layers, counted: never with holes. Tiles of a catalog in memory are decoded at the
 //! start. Tests: `tests`.
 
-mod block;
 mod field;
 mod reader;
 mod store;
 
-pub use block::{Light, TileStar};
 pub use field::{Shortfall, TileSky};
+pub use store::{Light, TileStar};
 
 #[cfg(test)]
 mod tests;

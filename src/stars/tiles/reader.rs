@@ -5,7 +5,7 @@
 //! used again. All queues are bounded and made at the start; a full one is "not now", never a wait. A thread that
 //! breaks down is known by [`Reader::is_lost`]: nothing is read from then on.
 
-use super::block::{Decoder, TileStar};
+use super::store::{Decoder, TileStar};
 use crate::layer::TileId;
 use base::refused::Refused;
 use core::sync::atomic::{AtomicU64, Ordering};

@@ -91,7 +91,7 @@ fn read_lines(text: &str, norad_id: u64, at: Tai) {
     }
     for id in [norad_id, 25_544] {
         let orbit = read(text, at, |text| TleOrbit::read(text, Some(id), at));
-        assert!(orbit.is_none_or(|orbit| orbit.norad_id() == id), "{id}: {text}");
+        assert!(orbit.is_none_or(|orbit| orbit.norad_id == id), "{id}: {text}");
     }
 }
 
@@ -148,8 +148,8 @@ fn read_message(text: &str, norad_id: u64, at: Tai) {
     let only = read(text, at, |text| TleOrbit::read(text, None, at));
     for id in [norad_id, 25_544] {
         let Some(orbit) = read(text, at, |text| TleOrbit::read(text, Some(id), at)) else { continue };
-        assert_eq!(orbit.norad_id(), id, "{text}");
-        assert!(only.as_ref().is_none_or(|only| only.norad_id() == id), "one of several was taken: {text}");
+        assert_eq!(orbit.norad_id, id, "{text}");
+        assert!(only.as_ref().is_none_or(|only| only.norad_id == id), "one of several was taken: {text}");
     }
 }
 

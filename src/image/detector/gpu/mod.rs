@@ -11,24 +11,18 @@
 //! The numbers inside the shader's elementary functions are those of [`crate::detector::elementary`]; a slip in any of
 //! them shows in `tests/gpu` as a share of differing pixels far beyond the bound.
 
-mod blooming;
-mod charge_binning;
-mod charge_transfer;
-mod image_lag;
-pub mod neighbour_stage;
 pub mod neighbours;
 mod passes;
 
+use crate::detector::conditions::{Constants, DetectorConditions};
 use crate::detector::{Detector, DetectorParams, PoissonMethod};
-use crate::detector::{
-    background::normalisation, conditions::DetectorConditions, constants::Constants, disturbances::Disturbances,
-    neighbour_stage::FrameAt, output::Output,
-};
+use crate::detector::{background::normalisation, disturbances::Disturbances, effect::FrameAt, output::Output};
+use crate::gpu::buffers::{GrowableBuffer, ReadbackRing};
+use crate::gpu::device::FrameTimes;
 use crate::gpu::{DeviceElectrons, GpuDevice, GpuError};
-use crate::{gpu::buffers::GrowableBuffer, gpu::readback::ReadbackRing, gpu::timing::FrameTimes};
 use base::{clock::Stopwatch, image::DnImage, random::key};
 use bytemuck::{Pod, Zeroable};
-use neighbour_stage::GpuNeighbourStage;
+use neighbours::GpuNeighbourStage;
 use passes::{ImagePass, Maps};
 use std::sync::Arc;
 

@@ -2,9 +2,10 @@
 
 use crate::detector::outliers::{Outlier, Outliers};
 use crate::detector::{Detector, DetectorParams, Nonlinearity};
-use crate::gpu::passes::{ComputePass, WORKGROUP, grid};
+use crate::detector::{effect::FrameAt, poisson::INVERSION_LIMIT};
+use crate::gpu::buffers::GrowableBuffer;
+use crate::gpu::shader::{ComputePass, WORKGROUP, grid};
 use crate::gpu::{GpuDevice, GpuError, shader};
-use crate::{detector::neighbour_stage::FrameAt, detector::poisson::INVERSION_LIMIT, gpu::buffers::GrowableBuffer};
 use base::random::Stage;
 
 /// Multipliers and key steps of Philox (see [`base::random`]).

@@ -5,6 +5,7 @@
 //! <= bound <= promise over every domain, and measured > promise outside.
 
 use crate::detector::poisson::{cornish_fisher, inversion, ptrs, rounded_normal};
+use base::refused::Refused;
 use core::{fmt, ops::RangeInclusive, str::FromStr};
 
 /// Largest mean for which f32 keeps the promises, electrons.
@@ -12,37 +13,25 @@ const MOST_MEAN: f64 = 1e6;
 /// Mean from which `auto` takes Cornish-Fisher.
 const LIMIT: f64 = inversion::INVERSION_LIMIT as f64;
 
-/// Method of drawing counted electrons from their mean.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub enum PoissonMethod {
-    /// Inversion below 20 electrons, Cornish-Fisher above.
-    #[default]
-    Auto,
-    /// Inversion of the distribution function. Domain: means to 20.
-    Inversion,
-    /// Cornish-Fisher expansion on a normal quantile. Domain: means from 20.
-    CornishFisher,
-    /// Transformed rejection, as good as exact. Domain: means from 10.
-    Ptrs,
-    /// A rounded normal deviate, without the skewness. Domain: means from 1000.
-    RoundedNormal,
+base::words! {
+    /// Method of drawing counted electrons from their mean.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+    pub enum PoissonMethod {
+        /// Inversion below 20 electrons, Cornish-Fisher above.
+        #[default]
+        Auto = "auto",
+        /// Inversion of the distribution function. Domain: means to 20.
+        Inversion = "inversion",
+        /// Cornish-Fisher expansion on a normal quantile. Domain: means from 20.
+        CornishFisher = "cornish-fisher",
+        /// Transformed rejection, as good as exact. Domain: means from 10.
+        Ptrs = "ptrs",
+        /// A rounded normal deviate, without the skewness. Domain: means from 1000.
+        RoundedNormal = "rounded-normal",
+    }
 }
 
 impl PoissonMethod {
-    /// All methods, the default first.
-    pub const ALL: [Self; 5] = [Self::Auto, Self::Inversion, Self::CornishFisher, Self::Ptrs, Self::RoundedNormal];
-
-    /// Returns the name people type.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Auto => "auto",
-            Self::Inversion => "inversion",
-            Self::CornishFisher => "cornish-fisher",
-            Self::Ptrs => "ptrs",
-            Self::RoundedNormal => "rounded-normal",
-        }
-    }
-
     /// Returns the means, electrons, for which the error bound is guaranteed.
     pub fn domain(self) -> RangeInclusive<f64> {
         match self {
@@ -102,20 +91,14 @@ impl fmt::Display for PoissonMethod {
     }
 }
 
-/// Text that names no method.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("Poisson method \"{got}\": wanted auto, inversion, cornish-fisher, ptrs or rounded-normal")]
-pub struct PoissonMethodError {
-    got: String,
-}
-
 impl FromStr for PoissonMethod {
-    type Err = PoissonMethodError;
-    fn from_str(text: &str) -> Result<Self, PoissonMethodError> {
-        Self::ALL
-            .into_iter()
-            .find(|method| method.name() == text)
-            .ok_or_else(|| PoissonMethodError { got: text.into() })
+    type Err = Refused;
+    fn from_str(text: &str) -> Result<Self, Refused> {
+        Self::ALL.into_iter().find(|method| method.name() == text).ok_or_else(|| {
+            Refused(format!(
+                "Poisson method \"{text}\": wanted auto, inversion, cornish-fisher, ptrs or rounded-normal"
+            ))
+        })
     }
 }
 

@@ -14,7 +14,6 @@
 //! apart. Tests: below, `tests/physics/poisson_methods.rs` (errors) and `tests/physics/noise.rs` (moments and
 //! chi-square in frames).
 
-mod acceptance;
 pub mod cornish_fisher;
 pub mod distance;
 pub mod inversion;
@@ -24,7 +23,7 @@ pub mod ptrs;
 pub mod rounded_normal;
 
 pub use inversion::INVERSION_LIMIT;
-pub use method::{PoissonMethod, PoissonMethodError};
+pub use method::PoissonMethod;
 
 use crate::detector::block::{BLOCK, GROUP};
 

@@ -21,6 +21,7 @@ pub use track::ProtonTrack;
 
 use crate::detector::outliers::{Outlier, fold_equal, with_space};
 use base::random::{Stage, attempt_counter, key, philox};
+use base::refused::Refused;
 use stopping_power::{DENSITY_G_CM3, DOMAIN_MEV, silicon_mev_cm2_g};
 
 /// Energy of one electron-hole pair in silicon, eV.
@@ -75,25 +76,13 @@ impl SensitiveLayer {
     pub const TYPICAL: Self = Self { thickness_um: 15.0, pixel_pitch_um: 5.5, track_width_px: 1.0 };
 }
 
-/// Why a flux was not taken.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-#[error("proton flux {what}: got {got}, wanted {wanted}")]
-pub struct ProtonFluxError {
-    /// Name of the value.
-    what: &'static str,
-    /// Value that was given.
-    got: f64,
-    /// Values that are allowed.
-    wanted: &'static str,
-}
-
 impl ProtonFlux {
     /// Returns the flux itself when it means something.
     ///
     /// # Errors
     /// The first value that is invalid.
-    pub fn checked(self) -> Result<Self, ProtonFluxError> {
-        let error = |what, got, wanted| Err(ProtonFluxError { what, got, wanted });
+    pub fn checked(self) -> Result<Self, Refused> {
+        let error = |what, got, wanted| Err(Refused(format!("proton flux {what}: got {got}, wanted {wanted}")));
         if !(0.0..=1e9).contains(&self.per_cm2_s) {
             return error("per_cm2_s", self.per_cm2_s, "a number from 0 to 1e9");
         }

@@ -2,10 +2,10 @@
 //! of both in fixed point. Error against the CPU: a unit of the coarser of the two scales. What is lost comes back as a
 //! number per workgroup.
 
-use crate::gpu::passes::{ComputePass, WORKGROUP, grid};
+use crate::gpu::buffers::{GrowableBuffer, ReadbackRing};
+use crate::gpu::shader::{ComputePass, WORKGROUP, grid};
 use crate::gpu::{DeviceElectrons, GpuDevice, GpuError, shader};
-use crate::render::Backend;
-use crate::{gpu::buffers::GrowableBuffer, gpu::readback::ReadbackRing, render::gpu::Gpu, render::overlap::Apart};
+use crate::{render::Backend, render::gpu::Gpu, render::overlap::Apart};
 use base::refused::Refused;
 use bytemuck::{Pod, Zeroable};
 use plan::exposure::ExposurePlan;

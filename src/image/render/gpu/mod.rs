@@ -20,10 +20,10 @@ pub mod scale;
 mod stars;
 mod whole;
 
-use crate::gpu::passes::{ComputePass, MOST_WORKGROUPS, WORKGROUP};
+use crate::gpu::buffers::{GrowableBuffer, ReadbackRing, TableTexture};
+use crate::gpu::shader::{ComputePass, MOST_WORKGROUPS, WORKGROUP};
 use crate::gpu::{DeviceElectrons, Electrons, GpuDevice, GpuError, shader};
-use crate::gpu::{buffers::GrowableBuffer, readback::ReadbackRing, texture::TableTexture};
-use crate::render::erf::{ERF_CLAMP, ERF_P, ERF_Q};
+use crate::render::profile::{ERF_CLAMP, ERF_P, ERF_Q};
 use crate::render::table::{Form, PsfTable};
 use crate::render::{Backend, check_kernel, check_sampling};
 use crate::{render::plan_tables::PlanTables, render::whole::WholeImage};

@@ -1,10 +1,10 @@
 //! Whole stars on a device: tiles that the host drew are added to the image in fixed point.
 //!
-//! The unit of a frame follows its brightest pixel, and every star of the frame is rounded to it. So a pixel takes at most
-//! [`MOST_PIXEL_E`] of a whole star: far above any full well, and above what a column of 2,048 pixels of 1.3e5 e- holds
-//! when it blooms. Test: `tests/gpu/whole.rs`.
+//! The unit of a frame follows its brightest pixel, and every star of the frame is rounded to it. So a pixel takes at
+//! most [`MOST_PIXEL_E`] of a whole star: far above any full well, and above what a column of 2,048 pixels of 1.3e5 e-
+//! holds when it blooms. Test: `tests/gpu/whole.rs`.
 
-use crate::gpu::passes::{ComputePass, WORKGROUP, grid};
+use crate::gpu::shader::{ComputePass, WORKGROUP, grid};
 use crate::gpu::{GpuDevice, GpuError, shader};
 use crate::render::whole::{TILE_PIXELS, TILE_PX, WholeImage};
 use crate::{gpu::buffers::GrowableBuffer, render::gpu::scale::TileBounds};

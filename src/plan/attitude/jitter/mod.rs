@@ -20,7 +20,6 @@
 //! Uploaded tables need the remote clock ([`JitterHistory::follow_clock`]) and have no effect before it is known.
 //! Memory for all tables is allocated at construction. Tests: `tests/physics/bus_jitter.rs`.
 
-mod lines;
 mod psd;
 mod record;
 mod spectrum;
@@ -29,15 +28,15 @@ mod table;
 mod wheels;
 
 pub use psd::{LINES_PER_AXIS, PSD_POINTS_MAX, PsdPoint, psd_variance};
-pub use record::{JitterRecord, RECORD_SAMPLES_MAX, RecordEnd, RecordError, RecordedJitter};
-pub use spectrum::{DENSITY_ROWS_MAX, DensityError, SpectrumBin, band_power_rad2, smear_power_rad2};
+pub use record::{JitterRecord, RECORD_SAMPLES_MAX, RecordEnd, RecordedJitter};
+pub use spectrum::{DENSITY_ROWS_MAX, SpectrumBin, band_power_rad2, smear_power_rad2};
 pub use table::{JitterTableError, read_density, read_series};
 pub use wheels::{HARMONICS_MAX, WHEELS, WheelHarmonic};
 
 use crate::attitude::error::{HistoryReject, JitterReject};
 use crate::attitude::los::{JitterLine, JitterPoint, JitterTrack};
 use crate::attitude::ring::{EpochRing, HistoryCounts, HistoryLimits};
-use crate::attitude::{remote_clock::ClockEstimate, residual::KNOTS_MAX};
+use crate::attitude::{los::KNOTS_MAX, remote_clock::ClockEstimate};
 use base::time::{Span, Tai};
 use glam::DVec3;
 use record::{RECORD_LINES, RECORD_POINTS_MAX, RecordReader};
@@ -117,7 +116,7 @@ impl JitterHistory {
     /// # Errors
     /// When a number is not finite; the former lines remain.
     pub fn set_lines(&mut self, lines: &[JitterLine], epoch: Tai) -> Result<(), HistoryReject> {
-        if !lines.iter().all(lines::is_finite) {
+        if !lines.iter().all(wheels::is_finite) {
             return Err(self.counts.count(HistoryReject::NotFinite));
         }
         self.lines.clear();
@@ -147,7 +146,7 @@ impl JitterHistory {
         if lines.len() > UPLOADED_LINES_MAX {
             return Err(JitterReject::TooMany { got: lines.len(), most: UPLOADED_LINES_MAX });
         }
-        if let Some(row) = lines.iter().position(|line| !lines::is_finite(line) || line.frequency_hz < 0.0) {
+        if let Some(row) = lines.iter().position(|line| !wheels::is_finite(line) || line.frequency_hz < 0.0) {
             return Err(JitterReject::Illegal { row });
         }
         self.uploaded.clear();
@@ -292,12 +291,12 @@ impl JitterHistory {
         }
         track.lines_epoch = mid_exposure;
         let since_epoch = mid_exposure - self.lines_epoch;
-        track.lines.extend(self.lines.iter().map(|line| lines::moved(line, since_epoch)));
+        track.lines.extend(self.lines.iter().map(|line| wheels::moved(line, since_epoch)));
         if let Some(remote) = by_remote {
             let since_boot = Span::from_ns(remote.to_remote_ns(mid_exposure));
             let remote_s_per_s = 1.0 / (1.0 + remote.drift);
             track.lines.extend(self.uploaded.iter().chain(&self.noise).map(|line| {
-                let there = lines::moved(line, since_boot);
+                let there = wheels::moved(line, since_boot);
                 JitterLine { frequency_hz: line.frequency_hz * remote_s_per_s, ..there }
             }));
         }

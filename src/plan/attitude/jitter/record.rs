@@ -14,6 +14,7 @@
 //! `tests/physics/measured_jitter.rs`.
 
 use crate::attitude::los::{JitterLine, JitterPoint, JitterTrack, polyline_at};
+use base::refused::Refused;
 use base::time::{Span, Tai};
 use core::f64::consts::{FRAC_PI_2, PI, TAU};
 use glam::{DMat3, DQuat, DVec3};
@@ -50,29 +51,6 @@ pub enum RecordEnd {
     Repeat,
 }
 
-/// Error of the samples of a record.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-pub enum RecordError {
-    /// Too few samples, or too many.
-    #[error("{got} samples; wanted 2 to {RECORD_SAMPLES_MAX}")]
-    Count {
-        /// Number of samples.
-        got: usize,
-    },
-    /// The time between samples is not finite and positive.
-    #[error("a period of {period_s} s; wanted 1e-6 to 1000 s")]
-    Period {
-        /// The period.
-        period_s: f64,
-    },
-    /// A sample is not finite.
-    #[error("sample {place} is not finite")]
-    NotFinite {
-        /// Index of the sample, from 0.
-        place: usize,
-    },
-}
-
 /// Equally spaced samples of jitter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JitterRecord {
@@ -86,15 +64,15 @@ impl JitterRecord {
     ///
     /// # Errors
     /// When there are too few or too many samples, an illegal period, or a sample that is not finite.
-    pub fn new(period_s: f64, samples: Vec<DVec3>, end: RecordEnd) -> Result<Self, RecordError> {
+    pub fn new(period_s: f64, samples: Vec<DVec3>, end: RecordEnd) -> Result<Self, Refused> {
         if !(2..=RECORD_SAMPLES_MAX).contains(&samples.len()) {
-            return Err(RecordError::Count { got: samples.len() });
+            return Err(Refused(format!("{got} samples; wanted 2 to {RECORD_SAMPLES_MAX}", got = samples.len())));
         }
         if !(1e-6..=1000.0).contains(&period_s) {
-            return Err(RecordError::Period { period_s });
+            return Err(Refused(format!("a period of {period_s} s; wanted 1e-6 to 1000 s")));
         }
         if let Some(place) = samples.iter().position(|sample| !sample.is_finite()) {
-            return Err(RecordError::NotFinite { place });
+            return Err(Refused(format!("sample {place} is not finite")));
         }
         Ok(Self { period_s, samples, end })
     }

@@ -177,7 +177,7 @@ fn filling_allocates_nothing() {
 #[test]
 fn invalid_record_is_refused() {
     let new = |period_s, samples| JitterRecord::new(period_s, samples, RecordEnd::Still).unwrap_err();
-    assert_eq!(new(1e-3, vec![DVec3::ZERO]), RecordError::Count { got: 1 });
-    assert_eq!(new(0.0, vec![DVec3::ZERO; 2]), RecordError::Period { period_s: 0.0 });
-    assert_eq!(new(1e-3, vec![DVec3::ZERO, DVec3::NAN]), RecordError::NotFinite { place: 1 });
+    assert_eq!(new(1e-3, vec![DVec3::ZERO]), Refused(format!("1 samples; wanted 2 to {RECORD_SAMPLES_MAX}")));
+    assert_eq!(new(0.0, vec![DVec3::ZERO; 2]), Refused("a period of 0 s; wanted 1e-6 to 1000 s".into()));
+    assert_eq!(new(1e-3, vec![DVec3::ZERO, DVec3::NAN]), Refused("sample 1 is not finite".into()));
 }

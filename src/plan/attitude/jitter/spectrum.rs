@@ -7,10 +7,10 @@
 //! overlapping by half, scaled to the variance of the record. *Limit.* A line within two bins of an edge is shared by
 //! both bands.
 
-use crate::attitude::error::JitterReject;
 use crate::attitude::jitter::psd::{self, Piece, PsdPoint};
-use crate::attitude::jitter::record::{JitterRecord, RecordEnd, RecordError};
+use crate::attitude::jitter::record::{JitterRecord, RecordEnd};
 use base::random::{Stage, key, philox};
+use base::refused::Refused;
 use core::f64::consts::{PI, TAU};
 use glam::DVec3;
 use rustfft::{FftPlanner, num_complex::Complex64};
@@ -33,33 +33,16 @@ pub struct SpectrumBin {
     pub power_rad2: DVec3,
 }
 
-/// Reason why no series can be made of a density.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-pub enum DensityError {
-    /// A row is invalid.
-    #[error(transparent)]
-    Row(#[from] JitterReject),
-    /// Too few or too many rows.
-    #[error("{got} rows; wanted 2 to {DENSITY_ROWS_MAX}")]
-    Count {
-        /// Number of rows.
-        got: usize,
-    },
-    /// The series is invalid.
-    #[error(transparent)]
-    Series(#[from] RecordError),
-}
-
 impl JitterRecord {
     /// Returns a series with this density, at least `duration_s` long if its rate allows it; it repeats.
     ///
     /// # Errors
     /// When the rows are invalid, or the frequencies do not fit a series.
-    pub fn of_density(points: &[PsdPoint], seed: u64, duration_s: f64) -> Result<Self, DensityError> {
+    pub fn of_density(points: &[PsdPoint], seed: u64, duration_s: f64) -> Result<Self, Refused> {
         if !(2..=DENSITY_ROWS_MAX).contains(&points.len()) {
-            return Err(DensityError::Count { got: points.len() });
+            return Err(Refused(format!("{got} rows; wanted 2 to {DENSITY_ROWS_MAX}", got = points.len())));
         }
-        psd::check_rows(points)?;
+        psd::check_rows(points).map_err(Refused::of)?;
         let highest_hz = points.last().map_or(1.0, |point| point.frequency_hz);
         let rate_hz = SAMPLES_PER_PERIOD * highest_hz;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped first")]
@@ -75,7 +58,7 @@ impl JitterRecord {
             transform.process(&mut waves);
             samples.iter_mut().zip(&waves).for_each(|(sample, wave)| sample[axis] = wave.re);
         }
-        Ok(Self::new(1.0 / rate_hz, samples, RecordEnd::Repeat)?)
+        Self::new(1.0 / rate_hz, samples, RecordEnd::Repeat)
     }
 
     /// Returns the power by frequency.
@@ -157,7 +140,7 @@ fn bin_powers(points: &[PsdPoint], axis: usize, bin_hz: f64, last: usize) -> Vec
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::attitude::psd_variance;
+    use crate::attitude::{JitterReject, psd_variance};
 
     fn density() -> Vec<PsdPoint> {
         let point =
@@ -207,9 +190,9 @@ mod tests {
     #[test]
     fn invalid_density_is_refused() {
         let refused = |points: &[PsdPoint]| JitterRecord::of_density(points, 1, 1.0).unwrap_err();
-        assert_eq!(refused(&density()[..1]), DensityError::Count { got: 1 });
+        assert_eq!(refused(&density()[..1]), Refused(format!("1 rows; wanted 2 to {DENSITY_ROWS_MAX}")));
         let mut falling = density();
         falling.swap(1, 2);
-        assert_eq!(refused(&falling), DensityError::Row(JitterReject::NotRising { row: 2 }));
+        assert_eq!(refused(&falling), Refused::of(JitterReject::NotRising { row: 2 }));
     }
 }

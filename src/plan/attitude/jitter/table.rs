@@ -5,7 +5,7 @@
 //! Equal steps of time, to a tenth of one; [`RECORD_SAMPLES_MAX`] rows of a series, [`DENSITY_ROWS_MAX`] of a density.
 //! Every refusal states the line and the reason. Fuzzed: `tests/fuzz/targets/jitter_table.rs`.
 
-use crate::attitude::jitter::record::{JitterRecord, RECORD_SAMPLES_MAX, RecordEnd, RecordError};
+use crate::attitude::jitter::record::{JitterRecord, RECORD_SAMPLES_MAX, RecordEnd};
 use crate::attitude::jitter::{psd::PsdPoint, spectrum::DENSITY_ROWS_MAX};
 use base::units::{ARCSEC, DEG};
 use glam::DVec3;
@@ -81,7 +81,7 @@ pub fn read_series(text: &str, end: RecordEnd) -> Result<JitterRecord, JitterTab
         return Err(JitterTableError::new(*line, &format!("{t_s} s"), wanted));
     }
     JitterRecord::new(period_s, samples, end)
-        .map_err(|error: RecordError| JitterTableError::new(*last, "", format!("a record: {error}")))
+        .map_err(|error| JitterTableError::new(*last, "", format!("a record: {error}")))
 }
 
 /// Reads a one-sided density.

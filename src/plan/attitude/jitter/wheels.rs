@@ -12,12 +12,16 @@
 //! changing by `a` it errs by at most `harmonic a T^2 / 8` rad of phase at the exposure's ends, times the amplitude,
 //! and by `exponent a T / (2 speed)` of the amplitude; [`WheelHarmonics::frozen_bound_rad`] sums both over the table.
 //! `tests/physics/bus_jitter.rs` has both sides of the bound.
+//!
+//! *Phases* ([`moved`]) refer to one instant and are moved to another. They are kept in turns of f64. A line of 100 Hz
+//! has turned 1e11 times since 1970; f64 would resolve 1e-5 turns of these. Whole hertz times whole seconds are whole
+//! turns and are removed first, so the resolution is 1e-7 turns after 30 years.
 
-use super::lines::forward;
 use crate::attitude::error::{HistoryReject, JitterReject};
 use crate::attitude::los::JitterLine;
 use base::time::{Span, Tai};
-use core::f64::consts::TAU;
+use base::units::NS_PER_S;
+use core::f64::consts::{PI, TAU};
 use glam::DVec3;
 use std::collections::VecDeque;
 
@@ -174,6 +178,32 @@ fn amplitude(row: &WheelHarmonic, speed_rad_s: f64) -> DVec3 {
     row.amplitude_rad * libm::pow(speed_rad_s.abs() / NOMINAL_RAD_S, row.exponent)
 }
 
+/// Returns the turns of a frequency over a span without whole turns: in (-1, 1).
+pub(super) fn turns(frequency_hz: f64, span: Span) -> f64 {
+    let (whole_s, rest_ns) = (span.ns().div_euclid(NS_PER_S), span.ns().rem_euclid(NS_PER_S));
+    let whole_turns = (frequency_hz.fract() * whole_s as f64).fract();
+    (whole_turns + frequency_hz * Span::from_ns(rest_ns).s()).fract()
+}
+
+/// Returns the line with its phase at an instant that is `later` than its own.
+pub(super) fn moved(line: &JitterLine, later: Span) -> JitterLine {
+    JitterLine { phase_rad: line.phase_rad + TAU * turns(line.frequency_hz, later), ..*line }
+}
+
+/// Returns `amplitude sin(2 pi f t + phase)`, in which the frequency may be negative, as a line of non-negative
+/// frequency.
+pub(super) fn forward(frequency_hz: f64, amplitude_rad: DVec3, phase_rad: f64) -> JitterLine {
+    if frequency_hz < 0.0 {
+        JitterLine { frequency_hz: -frequency_hz, amplitude_rad, phase_rad: PI - phase_rad }
+    } else {
+        JitterLine { frequency_hz, amplitude_rad, phase_rad }
+    }
+}
+
+pub(super) fn is_finite(line: &JitterLine) -> bool {
+    line.frequency_hz.is_finite() && line.amplitude_rad.is_finite() && line.phase_rad.is_finite()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -245,5 +275,29 @@ mod tests {
         assert_eq!(wheels.speeds.capacity(), space);
         let (_, turns) = wheels.state_at(0, ms(1999)).expect("speeds");
         assert!((turns * TAU - 1.999).abs() < 1e-9, "{turns}");
+    }
+}
+
+#[cfg(test)]
+mod lines_tests {
+    use super::*;
+
+    #[test]
+    fn turns_survive_decades() {
+        // 123.25 Hz over 10^9 s and a quarter: 123.25e9 turns are whole, 30.8125 are not.
+        let span = Span::from_ns(1_000_000_000_250_000_000);
+        assert!((turns(123.25, span) - 0.8125).abs() < 1e-9, "{}", turns(123.25, span));
+        let back = turns(123.25, Span::from_ns(-250_000_000));
+        assert!((back.rem_euclid(1.0) - 0.1875).abs() < 1e-9, "{back}");
+    }
+
+    #[test]
+    fn backward_line_equals_a_forward_line() {
+        let (amplitude, phase, t_s) = (DVec3::new(1.0, -2.0, 0.5), 0.7, 0.013);
+        let line = forward(-40.0, amplitude, phase);
+        assert!(line.frequency_hz > 0.0);
+        let direct = amplitude * (TAU * -40.0 * t_s + phase).sin();
+        let forwards = line.amplitude_rad * (TAU * line.frequency_hz * t_s + line.phase_rad).sin();
+        assert!((direct - forwards).length() < 1e-12, "{direct} {forwards}");
     }
 }

@@ -7,6 +7,8 @@
 //! of a shock; [`Trust`] selects which: the measurement's variance or the prior's is widened until the deviation equals
 //! that limit. Tests: against textbook least squares, and consistency in `tests/physics/time_correlation.rs`.
 
+use base::time::{Span, Tai};
+
 /// Largest deviation at which a measurement is used unchanged, sigma.
 const BELIEVED_SIGMAS: f64 = 4.0;
 
@@ -22,11 +24,11 @@ pub(super) enum Trust {
 /// The state at one remote time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct TwoState {
-    at_remote_ns: i64,
+    pub(super) at_remote_ns: i64,
     /// Whole nanoseconds to which `offset_ns` is added: f64 would lose them.
     base_ns: i64,
     offset_ns: f64,
-    rate_ns_per_s: f64,
+    pub(super) rate_ns_per_s: f64,
     offset_variance: f64,
     covariance: f64,
     rate_variance: f64,
@@ -46,17 +48,9 @@ impl TwoState {
         }
     }
 
-    pub(super) fn at_remote_ns(&self) -> i64 {
-        self.at_remote_ns
-    }
-
     /// Returns the offset: whole nanoseconds and the rest.
     pub(super) fn offset(&self) -> (i64, f64) {
         (self.base_ns, self.offset_ns)
-    }
-
-    pub(super) fn rate_ns_per_s(&self) -> f64 {
-        self.rate_ns_per_s
     }
 
     pub(super) fn offset_sigma_ns(&self) -> f64 {
@@ -156,6 +150,56 @@ impl TwoState {
     }
 }
 
+/// Local time of a remote time: `local = remote + offset + drift * (remote - reference)`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ClockEstimate {
+    /// Local minus remote time at the reference, with the link's constant delay subtracted.
+    pub offset: Span,
+    /// Remote time to which the offset refers, ns: that of the newest mark.
+    pub reference_remote_ns: i64,
+    /// Local seconds per remote second, minus one.
+    pub drift: f64,
+    /// One sigma of the offset, without the error of the calibrated constant delay.
+    pub offset_sigma: Span,
+    /// One sigma of the drift.
+    pub drift_sigma: f64,
+    /// Random walk of the drift: its variance grows by this each second, 1/s.
+    pub drift_walk_per_s: f64,
+    /// Height of the newest mark above the line: its queueing delay, as estimated when it came.
+    pub residual: Span,
+    /// Largest minus smallest difference in this window and the previous one: the variation of the link's delay.
+    pub spread: Span,
+    /// Number of marks in this window and the previous one.
+    pub pairs: usize,
+}
+
+impl ClockEstimate {
+    /// Returns the local time of a remote time.
+    pub fn to_tai(&self, remote_ns: i64) -> Tai {
+        Tai::from_ns(remote_ns) + self.offset + self.drifted(remote_ns)
+    }
+
+    /// Returns the remote time, ns, of a local time: the inverse of [`Self::to_tai`] to 1 ns.
+    pub fn to_remote_ns(&self, local: Tai) -> i64 {
+        let undrifted = local - self.offset;
+        let since = Span::from_ns(undrifted.ns().saturating_sub(self.reference_remote_ns));
+        let remote = undrifted - Span::from_s(self.drift / (1.0 + self.drift) * since.s());
+        remote.ns()
+    }
+
+    /// Returns one sigma at a remote time from the errors of offset and drift and the random walk of the drift (`q t^3
+    /// / 3`). Offset and drift are taken as independent, and their errors are added: never too small.
+    pub fn sigma_at(&self, remote_ns: i64) -> Span {
+        let since_s = Span::from_ns(remote_ns.saturating_sub(self.reference_remote_ns)).s().abs();
+        let straight_s = self.offset_sigma.s() + self.drift_sigma * since_s;
+        Span::from_s((straight_s * straight_s + self.drift_walk_per_s * since_s.powi(3) / 3.0).sqrt())
+    }
+
+    fn drifted(&self, remote_ns: i64) -> Span {
+        Span::from_s(self.drift * Span::from_ns(remote_ns.saturating_sub(self.reference_remote_ns)).s())
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -177,7 +221,7 @@ mod tests {
         }
         let (base_ns, rest_ns) = state.offset();
         assert!((base_ns as f64 + rest_ns - (mean_y + slope * 2.5)).abs() < ROUNDING, "{state:?}");
-        assert!((state.rate_ns_per_s() - slope).abs() < ROUNDING, "{state:?}");
+        assert!((state.rate_ns_per_s - slope).abs() < ROUNDING, "{state:?}");
         let variance = 4.0 * (1.0 / n + 2.5 * 2.5 / t_variance);
         assert!((state.offset_sigma_ns() - variance.sqrt()).abs() < ROUNDING, "{state:?}");
         assert!((state.rate_sigma_ns_per_s() - (4.0 / t_variance).sqrt()).abs() < ROUNDING, "{state:?}");
@@ -201,7 +245,7 @@ mod tests {
         let shocked = sure.with_offset(0, 400.0, 1.0, Trust::Measurement);
         assert!(shocked.offset().0 >= 370, "{shocked:?}");
         let turned = sure.with_rate(400.0, 1.0, Trust::Measurement);
-        assert!(turned.rate_ns_per_s() > 370.0, "{turned:?}");
+        assert!(turned.rate_ns_per_s > 370.0, "{turned:?}");
         let doubted = sure.with_offset(0, 400.0, 1.0, Trust::Prior);
         assert_eq!(doubted.offset().0, 0, "{doubted:?}");
         assert!(doubted.offset_sigma_ns() > 0.99, "nothing was learnt: {doubted:?}");
@@ -214,5 +258,58 @@ mod tests {
         let (found_ns, rest_ns) = state.offset();
         let above = (found_ns - base_ns) as f64 + rest_ns;
         assert!((above - 0.25).abs() < 1e-4, "{above}");
+    }
+}
+
+#[cfg(test)]
+mod estimate_tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn estimate(offset_ns: i64, reference_remote_ns: i64, drift: f64) -> ClockEstimate {
+        ClockEstimate {
+            offset: Span::from_ns(offset_ns),
+            reference_remote_ns,
+            drift,
+            offset_sigma: Span::from_ns(100),
+            drift_sigma: 1e-7,
+            drift_walk_per_s: 3e-18,
+            residual: Span::ZERO,
+            spread: Span::ZERO,
+            pairs: 2,
+        }
+    }
+
+    #[test]
+    fn drift_has_its_place_in_the_estimate() {
+        let estimate = estimate(100, 1000, 1e-3);
+        assert_eq!(estimate.to_tai(1000).ns(), 1100);
+        assert_eq!(estimate.to_tai(1_001_000).ns(), 1_001_100 + 1000);
+        assert_eq!(estimate.to_remote_ns(Tai::from_ns(1_002_100)), 1_001_000);
+    }
+
+    #[test]
+    fn sigma_grows_with_the_time_since_the_last_mark() {
+        let estimate = estimate(0, 0, 0.0);
+        assert_eq!(estimate.sigma_at(0).ns(), 100);
+        // 100 ns + 1e-7 of a minute, and sqrt(3e-18 * 60^3 / 3) s = 465 ns: 6118 ns.
+        assert_eq!(estimate.sigma_at(60_000_000_000).ns(), 6118);
+        assert_eq!(estimate.sigma_at(-60_000_000_000).ns(), 6118, "backwards as well");
+    }
+
+    proptest! {
+        #[test]
+        fn local_and_remote_are_inverse_to_a_nanosecond(
+            offset_ns in -2_000_000_000_000_000_000_i64..2_000_000_000_000_000_000,
+            reference_ns in 0_i64..400_000_000_000_000_000,
+            since_ns in -4_000_000_000_000_i64..4_000_000_000_000,
+            drift in -2e-4..2e-4,
+        ) {
+            let estimate = estimate(offset_ns, reference_ns, drift);
+            let remote_ns = reference_ns + since_ns;
+            prop_assert!((estimate.to_remote_ns(estimate.to_tai(remote_ns)) - remote_ns).abs() <= 1);
+            let local = Tai::from_ns(reference_ns + since_ns) + estimate.offset;
+            prop_assert!((estimate.to_tai(estimate.to_remote_ns(local)) - local).ns().abs() <= 1);
+        }
     }
 }

@@ -5,7 +5,7 @@
 //! below the floor. Limits: marks that are equally damaged as often as [`AGREEING`] are used; only the bus's own
 //! checksum keeps them rare.
 
-use super::{line::Line, mark::Mark};
+use super::line::{Line, Mark};
 use std::collections::VecDeque;
 
 /// Number of outliers that a further one must agree with.
@@ -129,7 +129,7 @@ impl Doubts {
     /// Returns the outliers that agree with this one, in order of time.
     pub(super) fn agreeing<'a>(&'a self, line: &Line, mark: &'a Mark) -> impl Iterator<Item = Mark> + 'a {
         let within_ns = AGREE_NS.max(AGREE_SCALES * line.scale_ns());
-        let rate = line.at(mark.remote_ns).rate_ns_per_s();
+        let rate = line.at(mark.remote_ns).rate_ns_per_s;
         self.outliers.iter().map(|(_, outlier)| *outlier).filter(move |outlier| {
             let between_ns = mark.difference_ns.saturating_sub(outlier.difference_ns) as f64;
             (between_ns - rate * mark.since_s(outlier)).abs() <= within_ns

@@ -8,7 +8,7 @@
 //! *Estimator.* `local - remote` is a line, the clocks' offset and drift, plus the link's delay; delays only add. The
 //! lower convex hull of a window's marks finds the line under them (`hull`), and a Kalman filter of offset and drift
 //! carries it from window to window and weighs it (`kalman`, `line`). The error of the hull follows from how close the
-//! delays come to their floor, which is learnt (`floor`), so the estimate knows its own deviations. One-way data cannot
+//! delays come to their floor, which is learnt (`line`), so the estimate knows its own deviations. One-way data cannot
 //! see the constant part of the delay: it is calibrated, or measured by pulses per second (`pps`).
 //!
 //! *Errors*, measured by `tests/physics/time_correlation.rs` with queueing of 20 us on average and 10 % of the marks up
@@ -20,25 +20,20 @@
 //! when the difference shrinks or remote time runs backwards, after three marks when it grows. The line before the step
 //! is kept for eight marks: when a mark fits it again, the step was damage and is undone.
 
-mod estimate;
-mod floor;
 mod hull;
 mod kalman;
 mod line;
-mod mark;
 mod marks;
 mod pps;
 #[cfg(test)]
 mod tests;
-mod ticks;
 
-pub use estimate::ClockEstimate;
+pub use kalman::ClockEstimate;
 pub use pps::ObservedPps;
 
 use base::time::{Span, Tai};
-
-use line::{Line, LineParams};
-use mark::Mark;
+use firmware_protocol::ticks::{ticks_diff, wrapped};
+use line::{Line, LineParams, Mark};
 use marks::{Doubts, Verdict};
 use pps::Pulses;
 
@@ -111,11 +106,17 @@ pub struct RemoteClock {
     pulses: Pulses,
     delay: Option<MeasuredDelay>,
     estimate: Option<ClockEstimate>,
-    pairs: u64,
-    late: u64,
-    outliers: u64,
-    shifts: u64,
-    steps: u64,
+    /// Number of pairs of SYNC and TIME_FUP that were used since the start.
+    pub pairs: u64,
+    /// Number of pairs that were left out because they were too late.
+    pub late: u64,
+    /// Number of pairs that were left out because they were earlier than physically possible and no others
+    /// agreed.
+    pub outliers: u64,
+    /// How often the line was shifted by less than a step because marks agreed that the delay has changed.
+    pub shifts: u64,
+    /// How often the remote clock was found to have stepped, or a step was withdrawn.
+    pub steps: u64,
 }
 
 impl RemoteClock {
@@ -252,11 +253,11 @@ impl RemoteClock {
             offset: Span::from_ns(state.offset().0.saturating_sub(delay.ns())),
             reference_remote_ns: at_ns,
             // For instants centuries apart the filter itself may leave the limit.
-            drift: (state.rate_ns_per_s() * 1e-9).clamp(-self.limits.most_drift, self.limits.most_drift),
+            drift: (state.rate_ns_per_s * 1e-9).clamp(-self.limits.most_drift, self.limits.most_drift),
             offset_sigma: Span::from_s(state.offset_sigma_ns() * 1e-9),
             drift_sigma: state.rate_sigma_ns_per_s() * 1e-9,
             drift_walk_per_s: 3.0 * self.limits.allan_1s * self.limits.allan_1s,
-            residual: Span::from_s(self.line.residual_ns() * 1e-9),
+            residual: Span::from_s(self.line.residual_ns * 1e-9),
             spread: Span::from_ns(largest_ns.saturating_sub(smallest_ns)),
             pairs,
         }
@@ -267,42 +268,35 @@ impl RemoteClock {
         self.estimate
     }
 
-    /// Returns the number of pairs of SYNC and TIME_FUP that were used since the start.
-    pub fn pairs(&self) -> u64 {
-        self.pairs
-    }
-
-    /// Returns the number of pairs that were left out because they were too late.
-    pub fn late(&self) -> u64 {
-        self.late
-    }
-
-    /// Returns the number of pairs that were left out because they were earlier than physically possible and no others
-    /// agreed.
-    pub fn outliers(&self) -> u64 {
-        self.outliers
-    }
-
-    /// Returns how often the line was shifted by less than a step because marks agreed that the delay has changed.
-    pub fn shifts(&self) -> u64 {
-        self.shifts
-    }
-
-    /// Returns how often the remote clock was found to have stepped, or a step was withdrawn.
-    pub fn steps(&self) -> u64 {
-        self.steps
-    }
-
     /// Returns the instant of a tick count that was taken within 35.8 minutes of `near` (the receive time); `None`
     /// before the first mark. Resolution 1 us (ticks are whole microseconds, rounded down).
     pub fn to_tai(&self, t_us: u32, near: Tai) -> Option<Tai> {
         let estimate = self.estimate()?;
         let near_us = estimate.to_remote_ns(near).div_euclid(1000);
-        Some(estimate.to_tai(ticks::unwrapped_us(t_us, near_us).saturating_mul(1000)))
+        Some(estimate.to_tai(unwrapped_us(t_us, near_us).saturating_mul(1000)))
     }
 }
 
 /// Returns the random walk of the rate, (ns/s)^2/s.
 fn walk(limits: &RemoteClockLimits) -> f64 {
     3.0 * (limits.allan_1s * 1e9).powi(2)
+}
+
+/// Returns the count of microseconds nearest to `near_us` whose low 32 bits are `t_us`.
+pub(super) fn unwrapped_us(t_us: u32, near_us: i64) -> i64 {
+    near_us.saturating_add(i64::from(ticks_diff(t_us, wrapped(near_us))))
+}
+
+#[cfg(test)]
+mod tick_tests {
+    use super::*;
+    use firmware_protocol::ticks::WRAP_US;
+
+    #[test]
+    fn the_nearest_count_is_meant_on_both_sides_of_half_a_wrap() {
+        let half = WRAP_US / 2;
+        assert_eq!(unwrapped_us(0, half - 1), 0);
+        assert_eq!(unwrapped_us(0, half), 0);
+        assert_eq!(unwrapped_us(0, half + 1), WRAP_US);
+    }
 }

@@ -88,7 +88,7 @@ impl Pulses {
     /// Returns the offset and drift at a remote time, while edges come.
     pub(super) fn at(&self, remote_ns: i64) -> Option<TwoState> {
         let state = self.state.filter(|_| self.edges >= EDGES_FOR_USE)?;
-        let silent_s = remote_ns.saturating_sub(state.at_remote_ns()) as f64 * 1e-9;
+        let silent_s = remote_ns.saturating_sub(state.at_remote_ns) as f64 * 1e-9;
         (silent_s <= SILENT_MOST_S).then(|| state.at(remote_ns, self.walk))
     }
 }

@@ -1,12 +1,12 @@
 //! Weighs every method that may win, with the number of nodes or zones that the brightest star needs.
 
-use super::{Chooser, MOST_JITTER_NODES, Weighed};
+use super::{Chooser, MOST_JITTER_NODES, Setting, Weighed};
 use crate::exposure::cost::{kernel_bytes, kernel_count};
 use crate::exposure::method::{Method, MethodChoice, MethodName};
 use crate::exposure::motion::{Motion, Shutter};
 use crate::exposure::plan::{LONGEST_KERNEL_PX, MOST_KERNEL_BYTES, MOST_KERNELS, Verdict};
 use crate::exposure::probes::{Probes, SIDE, gauss_legendre_count};
-use crate::exposure::{lists::fill_nodes, node_error::NodeError, pixel_path::PixelPath, weigh::ShapeOf};
+use crate::exposure::{lists::fill_nodes, pose::PixelPath, shape_change::NodeError, weigh::ShapeOf};
 
 /// Order of weighing: methods whose number of nodes is needed for others come first.
 const ORDER: [MethodName; 7] = [
@@ -39,7 +39,7 @@ impl Chooser {
     /// Weighs all methods that suit the motion.
     pub(super) fn weigh(&mut self, motion: &Motion, brightest_e: f64, probes: &Probes) {
         self.weigh_method(Method::Static, ShapeOf::EachStar, motion, probes);
-        let wanted = match self.choice {
+        let wanted = match self.setting.choice {
             MethodChoice::Auto => None,
             MethodChoice::Fixed(name, nodes) => Some((name, nodes)),
         };
@@ -84,7 +84,7 @@ impl Chooser {
         match name {
             MethodName::Static => {}
             MethodName::Gaussian => self.weigh_method(Method::Gaussian, ShapeOf::Centre, motion, probes),
-            MethodName::GaussLegendre if !motion.is_smooth() && matches!(self.choice, MethodChoice::Auto) => {
+            MethodName::GaussLegendre if !motion.is_smooth() && matches!(self.setting.choice, MethodChoice::Auto) => {
                 // Needed for reports only: where it is never chosen it is not weighed.
                 if self.is_thorough {
                     let method = Method::GaussLegendre { nodes: 0 };
@@ -98,7 +98,7 @@ impl Chooser {
                 }
             }
             MethodName::GaussLegendre => {
-                let nodes = fixed.unwrap_or_else(|| self.smooth_count(probes));
+                let nodes = fixed.unwrap_or_else(|| self.setting.smooth_count(probes));
                 self.weigh_method(Method::GaussLegendre { nodes }, ShapeOf::EachStar, motion, probes);
             }
             MethodName::Segments => {
@@ -125,17 +125,17 @@ impl Chooser {
     /// none where the path has no corners, or too many, unless the user fixed the method.
     fn weigh_corners(&mut self, fixed: Option<usize>, motion: &Motion, brightest_e: f64, probes: &Probes) {
         // A long path is not counted to its end: it has too many.
-        let most = if self.is_fixed() { usize::MAX } else { MOST_JITTER_NODES };
+        let most = if self.setting.is_fixed() { usize::MAX } else { MOST_JITTER_NODES };
         let stretches = motion.stretches(0.0).take(most).count();
         let wanted = match &fixed {
             Some(per_stretch) => core::slice::from_ref(per_stretch),
-            None if stretches < 2 && !self.is_fixed() => &[],
+            None if stretches < 2 && !self.setting.is_fixed() => &[],
             None => &PER_STRETCH,
         };
         for &per_stretch in wanted {
             let method = Method::Corners { stretches, per_stretch };
             // Rows of a rolling shutter that are exposed later may see one stretch more.
-            if method.nodes() + per_stretch > MOST_JITTER_NODES && !self.is_fixed() {
+            if method.nodes() + per_stretch > MOST_JITTER_NODES && !self.setting.is_fixed() {
                 return;
             }
             if self.weigh_as_enough(method, ShapeOf::EachStar, motion, brightest_e, probes) {
@@ -158,11 +158,6 @@ impl Chooser {
         self.is_enough(error, brightest_e, probes)
     }
 
-    /// Returns the number of Gauss-Legendre nodes of smooth motion.
-    fn smooth_count(&self, probes: &Probes) -> usize {
-        gauss_legendre_count(probes.reach_px, self.instrument.psf.core_sigma_px())
-    }
-
     /// Weighs a method with 1, 2, 4 ... nodes until its error is small enough for the brightest star.
     #[allow(clippy::too_many_arguments, reason = "one loop for two methods")]
     fn weigh_growing(
@@ -178,7 +173,7 @@ impl Chooser {
         let own = match &motion.image_path {
             Some(PixelPath::Samples(points)) => points.len(),
             Some(PixelPath::Line(_)) => MOST_NODES,
-            None => self.most_nodes(motion, probes),
+            None => self.setting.most_nodes(motion, probes, self.limit_ms),
         };
         let mut count = fixed.unwrap_or(least.min(own));
         // Using as many nodes as another method is not an advantage.
@@ -200,27 +195,14 @@ impl Chooser {
         }
     }
 
-    /// Returns the largest number of nodes of a path that is not commanded: as many as its length needs, if there is
-    /// time for them.
-    fn most_nodes(&self, motion: &Motion, probes: &Probes) -> usize {
-        // Smooth motion uses Gauss-Legendre nodes.
-        if motion.is_smooth() || self.limit_ms.is_finite() {
-            return MOST_JITTER_NODES;
-        }
-        let wanted = NODES_PER_SIGMA * probes.reach_px / self.instrument.psf.core_sigma_px();
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to MOST_NODES")]
-        let most = wanted.clamp(MOST_JITTER_NODES as f64, MOST_NODES as f64) as usize;
-        most.next_power_of_two()
-    }
-
     /// Returns true when the error is within the part of the budget that the other errors leave, so that more nodes do
     /// not help.
     fn is_enough(&self, error: NodeError, brightest_e: f64, probes: &Probes) -> bool {
         const LEAST_LEFT: f64 = 0.3;
-        let taken = self.pixel_sigma(self.common.peak.min(1.0), brightest_e, probes);
-        let left = (self.budget.pixel_sigma - taken).max(LEAST_LEFT * self.budget.pixel_sigma);
-        error.centroid_px <= NODE_SHARE * self.budget.centroid_px
-            && self.pixel_sigma(error.peak.min(1.0), brightest_e, probes) <= NODE_PIXEL_SHARE * left
+        let taken = self.setting.pixel_sigma(self.common.peak.min(1.0), brightest_e, probes);
+        let left = (self.setting.budget.pixel_sigma - taken).max(LEAST_LEFT * self.setting.budget.pixel_sigma);
+        error.centroid_px <= NODE_SHARE * self.setting.budget.centroid_px
+            && self.setting.pixel_sigma(error.peak.min(1.0), brightest_e, probes) <= NODE_PIXEL_SHARE * left
     }
 
     /// Returns the number of nodes of a kernel and the stretches that share them: Gauss-Legendre's for smooth motion, as many as
@@ -231,7 +213,7 @@ impl Chooser {
             return [nodes, 0];
         }
         if motion.is_smooth() {
-            return [self.smooth_count(probes), 0];
+            return [self.setting.smooth_count(probes), 0];
         }
         let last = |name| self.weighed.iter().rev().find(|weighed| weighed.method.name() == name);
         let is_enough = |weighed: &&Weighed| self.is_enough(weighed.error, brightest_e, probes);
@@ -260,7 +242,8 @@ impl Chooser {
             NodeError::default()
         } else {
             self.fill_lists(method, motion, probes);
-            let lists = if self.instrument.shutter == Shutter::Global { &self.lists[..1] } else { &self.lists[..] };
+            let lists =
+                if self.setting.instrument.shutter == Shutter::Global { &self.lists[..1] } else { &self.lists[..] };
             let mut error = self.scales.error(lists, shape, probes);
             if self.is_drawn_to_weigh(method, probes) {
                 error = error.least(self.scales.kernel_error(lists, probes));
@@ -272,24 +255,25 @@ impl Chooser {
             error
         };
         let is_too_rough = matches!(method, Method::GaussLegendre { .. }) && !motion.is_smooth();
-        let verdict = if is_too_rough { Some(Verdict::NeedsSmoothMotion) } else { self.kernel_verdict(method, probes) };
+        let verdict =
+            if is_too_rough { Some(Verdict::NeedsSmoothMotion) } else { self.setting.kernel_verdict(method, probes) };
         self.weighed.push(Weighed { method, error, verdict, tried: None });
     }
 
     /// Returns true when the error of a kernel is worth drawing it: it can be chosen, or is reported.
     fn is_drawn_to_weigh(&self, method: Method, probes: &Probes) -> bool {
-        if !matches!(method, Method::EffectivePsf { .. }) || self.kernel_verdict(method, probes).is_some() {
+        if !matches!(method, Method::EffectivePsf { .. }) || self.setting.kernel_verdict(method, probes).is_some() {
             return false;
         }
         let star_by_star = self.weighed.iter().filter(|weighed| weighed.method.kernels() == 0);
         let nodes = star_by_star.map(|weighed| weighed.method.nodes()).max().unwrap_or(1);
         let most_ms = self.stars_ms(Method::Samples { nodes }, probes);
-        self.is_thorough || self.is_fixed() || self.stars_ms(method, probes) < most_ms
+        self.is_thorough || self.setting.is_fixed() || self.stars_ms(method, probes) < most_ms
     }
 
     /// Fills the nodes of `method` for every row of probes.
     fn fill_lists(&mut self, method: Method, motion: &Motion, probes: &Probes) {
-        let rows = if self.instrument.shutter == Shutter::Global { 1 } else { SIDE };
+        let rows = if self.setting.instrument.shutter == Shutter::Global { 1 } else { SIDE };
         for row in 0..rows {
             self.lists[row].clear();
             fill_nodes(motion, method, probes.delay_s(row), probes, &mut self.lists[row]);
@@ -300,16 +284,16 @@ impl Chooser {
     fn weigh_zones(&mut self, [nodes, stretches]: [usize; 2], motion: &Motion, brightest_e: f64, probes: &Probes) {
         let one = Method::EffectivePsf { nodes, stretches };
         self.fill_lists(one, motion, probes);
-        let rolling = self.instrument.shutter != Shutter::Global;
+        let rolling = self.setting.instrument.shutter != Shutter::Global;
         let lists = if rolling { &self.lists[..] } else { &self.lists[..1] };
         // Sampling error of the nodes themselves, with each star on its own path.
         let sampled =
             if motion.is_still() { NodeError::default() } else { self.scales.error(lists, ShapeOf::EachStar, probes) };
-        let camera = &self.instrument.camera;
+        let camera = &self.setting.instrument.camera;
         let size = [camera.width_px() as f64, camera.height_px() as f64];
         let enough = self.weighed.iter().filter(|weighed| self.is_enough(weighed.error, brightest_e, probes));
         let cheapest_ms = enough.map(|weighed| self.stars_ms(weighed.method, probes)).fold(f64::INFINITY, f64::min);
-        let field = self.instrument.psf.as_field().map_or([1; 2], |field| field.cells());
+        let field = self.setting.instrument.psf.as_field().map_or([1; 2], |field| field.cells());
         let field = field.map(|n| u16::try_from(n).unwrap_or(u16::MAX));
         for zones in ZONES {
             let [columns, rows] = field.map(|cells| cells * zones);
@@ -317,7 +301,7 @@ impl Chooser {
             // At least as fine as the bands, with corners where the field of PSFs has its own.
             let rows = rows.max(bands.next_multiple_of(field[1]));
             let method = Method::ZonalPsf { zones: [columns, rows], nodes, stretches };
-            if !self.is_thorough && !self.is_fixed() && self.stars_ms(method, probes) >= cheapest_ms {
+            if !self.is_thorough && !self.setting.is_fixed() && self.stars_ms(method, probes) >= cheapest_ms {
                 return;
             }
             let cell_px = [size[0] / f64::from(columns), size[1] / f64::from(rows)];
@@ -325,12 +309,12 @@ impl Chooser {
             if !motion.is_still() {
                 for i in [probes.centre_index(), probes.widest_index()] {
                     let (Some(probe), Some(list)) = (probes.probes.get(i), self.lists.first()) else { continue };
-                    let varies = self.instrument.psf.as_field().is_some();
+                    let varies = self.setting.instrument.psf.as_field().is_some();
                     error = error.worst(self.scales.cell_error(list, probe, cell_px, varies, probes));
                 }
             }
             let error = error.plus(sampled);
-            let verdict = self.kernel_verdict(method, probes);
+            let verdict = self.setting.kernel_verdict(method, probes);
             self.weighed.push(Weighed { method, error, verdict, tried: None });
             if self.is_enough(error, brightest_e, probes) {
                 return;
@@ -340,7 +324,27 @@ impl Chooser {
 
     /// Returns the predicted time of all stars by `method`.
     fn stars_ms(&self, method: Method, probes: &Probes) -> f64 {
-        self.cost.stars_ms(method, &self.load(self.stars, probes.extent_px))
+        self.setting.cost.stars_ms(method, &self.load(self.stars, probes.extent_px))
+    }
+}
+
+impl Setting {
+    /// Returns the number of Gauss-Legendre nodes of smooth motion.
+    fn smooth_count(&self, probes: &Probes) -> usize {
+        gauss_legendre_count(probes.reach_px, self.instrument.psf.core_sigma_px())
+    }
+
+    /// Returns the largest number of nodes of a path that is not commanded: as many as its length needs, if there is
+    /// time for them.
+    fn most_nodes(&self, motion: &Motion, probes: &Probes, limit_ms: f64) -> usize {
+        // Smooth motion uses Gauss-Legendre nodes.
+        if motion.is_smooth() || limit_ms.is_finite() {
+            return MOST_JITTER_NODES;
+        }
+        let wanted = NODES_PER_SIGMA * probes.reach_px / self.instrument.psf.core_sigma_px();
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to MOST_NODES")]
+        let most = wanted.clamp(MOST_JITTER_NODES as f64, MOST_NODES as f64) as usize;
+        most.next_power_of_two()
     }
 
     /// Returns the reason why the kernels of a method cannot be made, if there is one.

@@ -12,65 +12,39 @@
 
 use crate::optics::mtf::chain_params::{ChainParams, DefocusForm};
 use crate::optics::mtf::defocus::{self, DefocusedPupil};
-use crate::optics::mtf::{MtfError, aberration, aperture, circuit, diffraction, gaussian, motion};
+use crate::optics::mtf::{MtfError, aberration, blur, diffraction, motion};
 use crate::optics::{SpectralWeight, mtf::diffusion::Diffusion};
 
-/// One link of the chain, in the order of light.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Term {
-    /// Pupil.
-    Diffraction,
-    /// Wavefront error.
-    Aberration,
-    /// Focus error.
-    Defocus,
-    /// Assembly.
-    Assembly,
-    /// Fabrication.
-    Fabrication,
-    /// Charge diffusion.
-    Diffusion,
-    /// Pixel.
-    Aperture,
-    /// Charge that follows the image along the columns.
-    Tdi,
-    /// Readout.
-    Circuit,
+base::words! {
+    /// One link of the chain, in the order of light.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub enum Term {
+        /// Pupil.
+        Diffraction = "diffraction",
+        /// Wavefront error.
+        Aberration = "aberration",
+        /// Focus error.
+        Defocus = "defocus",
+        /// Assembly.
+        Assembly = "assembly",
+        /// Fabrication.
+        Fabrication = "fabrication",
+        /// Charge diffusion.
+        Diffusion = "charge diffusion",
+        /// Pixel.
+        Aperture = "pixel",
+        /// Charge that follows the image along the columns.
+        Tdi = "TDI",
+        /// Readout.
+        Circuit = "circuit",
+    }
 }
 
 impl Term {
-    /// All terms, in the order of light.
-    pub const ALL: [Self; 9] = [
-        Self::Diffraction,
-        Self::Aberration,
-        Self::Defocus,
-        Self::Assembly,
-        Self::Fabrication,
-        Self::Diffusion,
-        Self::Aperture,
-        Self::Tdi,
-        Self::Circuit,
-    ];
-
     /// Returns the direction of the factor in tables, `[x, y]`: TDI is along the columns, the circuit along the rows,
     /// others are the same along both.
     pub fn axis(self) -> [f64; 2] {
         if self == Self::Tdi { [0.0, 1.0] } else { [1.0, 0.0] }
-    }
-
-    /// Returns its name in tables.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Diffraction => "diffraction",
-            Self::Aberration => "aberration",
-            Self::Defocus => "defocus",
-            Self::Assembly => "assembly",
-            Self::Fabrication => "fabrication",
-            Self::Diffusion => "charge diffusion",
-            Self::Aperture => "pixel",
-            Self::Tdi => "TDI",
-            Self::Circuit => "circuit",
-        }
     }
 }
 
@@ -146,12 +120,12 @@ impl MtfChain {
                 let focused = mean(&|c| diffraction::mtf(f, c.lambda_n_px, p.obscuration));
                 if focused > 0.0 { mean(&|c| c.focus_and_diffraction(f, p.obscuration)) / focused } else { 1.0 }
             }
-            Term::Assembly => gaussian::mtf(f, px(p.assembly_um)),
-            Term::Fabrication => gaussian::mtf(f, px(p.fabrication_um)),
+            Term::Assembly => blur::gaussian(f, px(p.assembly_um)),
+            Term::Fabrication => blur::gaussian(f, px(p.fabrication_um)),
             Term::Diffusion => mean(&|c| c.diffusion(f, p)),
-            Term::Aperture => aperture::mtf(frequency, p.aperture_px),
+            Term::Aperture => blur::square(frequency, p.aperture_px),
             Term::Tdi => p.tdi.map_or(1.0, |tdi| motion::tdi(frequency[1], tdi)),
-            Term::Circuit => p.circuit.map_or(1.0, |low_pass| circuit::mtf(frequency[0], low_pass)),
+            Term::Circuit => p.circuit.map_or(1.0, |low_pass| blur::low_pass(frequency[0], low_pass)),
         }
     }
 
@@ -172,10 +146,10 @@ impl MtfChain {
     pub fn colorless(&self, frequency: [f64; 2]) -> f64 {
         let p = &self.params;
         let blur_px = p.assembly_um.hypot(p.fabrication_um) / p.pixel_pitch_um;
-        gaussian::mtf(frequency[0].hypot(frequency[1]), blur_px)
-            * aperture::mtf(frequency, p.aperture_px)
+        blur::gaussian(frequency[0].hypot(frequency[1]), blur_px)
+            * blur::square(frequency, p.aperture_px)
             * p.tdi.map_or(1.0, |tdi| motion::tdi(frequency[1], tdi))
-            * p.circuit.map_or(1.0, |low_pass| circuit::mtf(frequency[0], low_pass))
+            * p.circuit.map_or(1.0, |low_pass| blur::low_pass(frequency[0], low_pass))
     }
 
     /// Returns the whole chain at `[fx, fy]`, the pixel included: the transform of the light integrated over pixels.
@@ -203,7 +177,7 @@ impl MtfChain {
     pub fn core_sigma_px(&self) -> f64 {
         let f = 0.25;
         let seen = 0.5 * (self.product([f, 0.0]) + self.product([0.0, f]));
-        let passed = (seen / aperture::mtf([f, 0.0], self.params.aperture_px)).clamp(1e-9, 1.0);
+        let passed = (seen / blur::square([f, 0.0], self.params.aperture_px)).clamp(1e-9, 1.0);
         (-0.5 * passed.ln()).sqrt() / (core::f64::consts::PI * f)
     }
 
@@ -266,7 +240,7 @@ impl Color {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::optics::mtf::circuit::Circuit;
+    use crate::optics::mtf::blur::Circuit;
     use crate::optics::mtf::diffusion::{Layers, Side};
     use crate::optics::mtf::{Defocus, TdiBlur, Wavefront};
     use core::f64::consts::PI;
@@ -305,9 +279,9 @@ mod tests {
         let f = 0.5;
         let by_hand = DefocusedPupil::new(0.156_25, 0.3).unwrap().mtf(f * 0.48)
             * aberration::mtf(f * 0.48, 0.06 * 633.0 / 600.0).unwrap()
-            * gaussian::mtf(f, (0.64 + 0.36 + 1.0_f64).sqrt() / 5.0)
-            * aperture::sinc(0.9 * f)
-            * aperture::sinc(f / 3.0)
+            * blur::gaussian(f, (0.64 + 0.36 + 1.0_f64).sqrt() / 5.0)
+            * blur::sinc(0.9 * f)
+            * blur::sinc(f / 3.0)
             * ((8.0 * PI * 0.05 * f).sin() / (8.0 * (PI * 0.05 * f).sin()));
         assert!((chain.product([0.0, f]) - by_hand).abs() < 1e-14, "{} against {by_hand}", chain.product([0.0, f]));
         let along = |term, frequency| chain.term(term, frequency);

@@ -4,7 +4,7 @@
 //! motion itself, star by star, and would count it twice. These factors show the effect of a motion, and are compared
 //! with each other. TDI is a motion of the charge, not of the line of sight: it is a link of the chain.
 //! * smear of length `a` at constant speed: `sinc(a f)`;
-//! * jitter, many cycles, standard deviation `s` on the axis: `exp(-2 pi^2 s^2 f^2)`, see [`super::gaussian`];
+//! * jitter, many cycles, standard deviation `s` on the axis: `exp(-2 pi^2 s^2 f^2)`, see [`super::blur`];
 //! * sinusoid of amplitude `A`, whole cycles: `J0(2 pi A f)`;
 //! * TDI (time delay and integration) of `n` stages: charge moves in steps, `phases` per pixel, while the image moves
 //!   evenly: `sinc(f / phases)`; a velocity error of `d` pixels per stage smears by steps of `d`:
@@ -14,7 +14,7 @@
 //! 1693 (1992) for TDI. Limits: straight motion, uniform in time; the factors may be negative. The tests average a wave
 //! over the motion.
 
-use crate::optics::mtf::{TdiBlur, aperture::sinc};
+use crate::optics::{mtf::TdiBlur, mtf::blur::sinc};
 use core::f64::consts::{PI, TAU};
 
 /// Returns the factor of motion at constant speed over `length_px`.

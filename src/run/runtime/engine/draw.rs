@@ -8,7 +8,7 @@ use crate::runtime::slot::Slot;
 use base::{clock::Stopwatch, time::Span};
 use frames::report::{Stage, StageTimes};
 use frames::sink::{FaultFlags, SentFrame};
-use image::detector::{DetectorConditions, levels::Levels};
+use image::{detector::DetectorConditions, detector::readout::Levels};
 use plan::attitude::PathOrigin;
 use plan::exposure::{Degradation, Motion, Source};
 use scene::SceneReport;
@@ -144,7 +144,7 @@ impl FrameEngine {
     ) -> Result<()> {
         let (found, conditions) = self.find_and_plan(slot, light, ledger, times)?;
         let plan = self.planner.latest();
-        let is_coarse = self.scene.targets.is_coarse() || plan.targets.iter().any(|target| target.is_coarse);
+        let is_coarse = self.scene.targets.is_coarse || plan.targets.iter().any(|target| target.is_coarse);
         if !plan.chosen.verdict.is_met() || is_coarse {
             note(ledger, EventKind::OverBudget, slot, Span::ZERO);
         }

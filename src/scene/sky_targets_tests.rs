@@ -118,7 +118,7 @@ fn ways_follow_the_apparent_places_within_their_bound() {
         println!("{exposure_s} s: {:.4} mas of {:.4}", worst / ARCSEC * 1e3, bound_rad / ARCSEC * 1e3);
         // The Earth's velocity by days and directly: 0.02 mas.
         assert!(worst < bound_rad + 0.1e-3 * ARCSEC, "{exposure_s} s: {worst:e} {bound_rad:e}");
-        assert!(!targets.is_coarse(), "{exposure_s} s");
+        assert!(!targets.is_coarse, "{exposure_s} s");
     }
 }
 
@@ -126,9 +126,9 @@ fn ways_follow_the_apparent_places_within_their_bound() {
 fn trajectory_too_long_for_a_cubic_is_reported() {
     let mut targets = targets_of(observer(), vec![crossing()]);
     targets.find_in_view(&at_the_crossing(20.0)).expect("a sky");
-    assert!(!targets.in_view().is_empty() && !targets.is_coarse(), "20 s: within a hundredth of a pixel");
+    assert!(!targets.in_view().is_empty() && !targets.is_coarse, "20 s: within a hundredth of a pixel");
     targets.find_in_view(&at_the_crossing(400.0)).expect("a sky");
-    assert!(!targets.in_view().is_empty() && targets.is_coarse(), "400 s are not");
+    assert!(!targets.in_view().is_empty() && targets.is_coarse, "400 s are not");
 }
 
 #[test]

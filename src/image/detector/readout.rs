@@ -1,7 +1,44 @@
-//! The scale of an output image's numbers: after gain, black level and binning.
+//! The end of the readout: saturation, quantisation, and the scale of the numbers.
+//!
+//! *Saturation.* No pixel holds more than its full well (the excess is lost; `blooming` lets it spill instead).
+//!
+//! *Quantisation.* `DN = floor(e / gain + black level + 1/2)`, clipped to `0 ..= 2^bits - 1`.
+//!
+//! Rounding is usual: the black level then is the mean DN of a dark pixel. A converter that truncates leaves out the
+//! half, and its numbers are half a DN lower in the mean. Quantisation noise 1/12 DN^2 either way (EMVA 1288, section
+//! 2.5). A converter matched to the pixel has `gain = full well / 2^bits` (one LSB).
+//!
+//! *Levels.* The scale of an output image's numbers: after gain, black level and binning.
 
 use crate::detector::binning::{Binning, BinningKind};
 use crate::detector::{DetectorConditions, DetectorParams};
+use crate::detector::{block::BLOCK, conditions::Constants};
+use base::fused::{mul_add, whole_bits};
+
+/// Returns the saturation capacity as the inner loops want it, e-.
+#[allow(clippy::cast_possible_truncation, reason = "the inner loops work in single precision")]
+pub fn limit_e(params: &DetectorParams) -> f32 {
+    params.full_well_e as f32
+}
+
+/// Clips every pixel at `full_well_e`.
+#[inline(always)]
+pub fn clip(electrons: &mut [f32], full_well_e: f32) {
+    for e in electrons {
+        *e = e.min(full_well_e);
+    }
+}
+
+/// Converts a block.
+#[inline(always)]
+pub fn convert<const FUSED: bool>(electrons: &[f32; BLOCK], constants: &Constants, out: &mut [u16; BLOCK]) {
+    for (dn, e) in out.iter_mut().zip(electrons) {
+        let x = mul_add::<FUSED>(*e, constants.dn_per_e, constants.black_dn + constants.rounding_dn).floor();
+        #[allow(clippy::cast_possible_truncation, reason = "the low 16 bits are wanted: 0..=65535 by the clamp")]
+        let value = whole_bits(x.max(0.0).min(constants.largest_dn)) as u16;
+        *dn = value;
+    }
+}
 
 /// Scale of the numbers of the output image.
 #[derive(Debug, Clone, Copy, PartialEq)]
