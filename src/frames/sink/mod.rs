@@ -52,7 +52,8 @@ pub use fan::{Fan, OnFull};
 pub use fault_pixels::{DefectSpots, FaultPixels};
 pub use frame::{CameraFacts, FrameMeta, SentFrame, TruthKind, TruthStar};
 pub use frame_fault::{
-    ActiveFault, ActiveFaults, Amount, CameraFault, FaultFlags, FrameFault, ImageFault, PixelFault, PixelsOf, ProtonStorm, SendingFault,
+    ActiveFault, ActiveFaults, Amount, CameraFault, FaultFlags, FrameFault, ImageFault, PixelFault, PixelsOf,
+    ProtonStorm, SendingFault,
 };
 pub use line::{Loss, LossKind, sink_lines};
 pub use recorder::{Recorder, RecorderOptions};
