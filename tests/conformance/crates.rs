@@ -10,8 +10,8 @@ use std::process::Command;
 /// Crate -> everything of its `[dependencies]`, without the prefix `starloop_`; or file -> the files that it refers to.
 pub(crate) type Graph = BTreeMap<String, BTreeSet<String>>;
 
-/// Crates that a run needs none of: imports, charts, studies, real frames.
-const BATCH_WORK: &[&str] = &["imports", "batch", "performance", "night_sky"];
+/// Crates above the laboratory: they open it to users.
+const DOORS: &[&str] = &["starloop", "python"];
 /// Crates that the simulated far end of the cable checks, and so must not share.
 const CHECKED_BY_TESTBED: &[&str] = &["sky", "plan", "image", "frames", "outputs", "run"];
 /// The only crates that speak to the graphics interface.
@@ -21,16 +21,29 @@ fn short(name: &str) -> String {
     name.strip_prefix("starloop_").unwrap_or(name).to_owned()
 }
 
-/// Returns the workspace's crates, read by `cargo metadata`.
-fn graph() -> Graph {
+/// Returns the workspace's packages, read by `cargo metadata`.
+fn packages() -> Vec<Value> {
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let mut command = Command::new(cargo);
     command.args(["metadata", "--format-version", "1", "--no-deps", "--offline", "--locked"]).current_dir(root());
     let output = command.output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let metadata: Value = serde_json::from_slice(&output.stdout).unwrap();
-    let packages = metadata["packages"].as_array().unwrap();
-    packages.iter().map(|package| (short(package["name"].as_str().unwrap()), dependencies(package))).collect()
+    metadata["packages"].as_array().unwrap().clone()
+}
+
+fn name_of(package: &Value) -> String {
+    short(package["name"].as_str().unwrap())
+}
+
+fn graph() -> Graph {
+    packages().iter().map(|package| (name_of(package), dependencies(package))).collect()
+}
+
+/// Returns the crates of `src/lab`.
+fn laboratory() -> BTreeSet<String> {
+    let is_in_it = |package: &&Value| package["manifest_path"].as_str().unwrap().contains("/src/lab/");
+    packages().iter().filter(is_in_it).map(name_of).collect()
 }
 
 fn dependencies(package: &Value) -> BTreeSet<String> {
@@ -123,15 +136,24 @@ fn the_testbed_cannot_reach_what_it_checks() {
     }
 }
 
+/// Crates outside the laboratory that reach it, doors aside.
+fn breaches(graph: &Graph, laboratory: &BTreeSet<String>) -> Vec<String> {
+    let mission = graph.keys().filter(|name| !laboratory.contains(*name) && !DOORS.contains(&name.as_str()));
+    mission.filter(|name| !reached_from(name, graph).is_disjoint(laboratory)).cloned().collect()
+}
+
 #[test]
-fn no_run_needs_batch_work() {
-    let graph = inside(&graph());
-    let reached = reached_from("run", &graph);
-    assert!(reached.contains("plan"), "control: {reached:?}");
-    for name in BATCH_WORK {
-        assert!(graph.contains_key(*name), "{name} is a crate");
-        assert!(!reached.contains(*name), "run reaches {name}");
+fn the_mission_does_not_reach_the_laboratory() {
+    let (mut graph, laboratory) = (inside(&graph()), laboratory());
+    for name in ["imports", "batch", "data_sets", "night_sky", "performance", "fmu", "fmu_library"] {
+        assert!(laboratory.contains(name), "{name} is in the laboratory");
     }
+    assert_eq!(breaches(&graph, &laboratory), Vec::<String>::new());
+    graph.get_mut("scene").unwrap().insert("batch".into());
+    assert!(
+        breaches(&graph, &laboratory).contains(&"run".to_owned()),
+        "a breach is noticed, also through another crate"
+    );
 }
 
 #[test]

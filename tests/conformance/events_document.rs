@@ -42,13 +42,13 @@ fn undescribed(page: &str, file: &str, header: &str) -> Vec<String> {
 
 /// Tables whose columns are the fields of a structure.
 const ROWS: [(&str, &str, &str); 7] = [
-    ("study.csv", "src/batch/study/point.rs", "StudyPoint"),
-    ("methods.csv", "src/batch/chart/rows.rs", "MethodRow"),
-    ("crowding.csv", "src/batch/chart/crowding.rs", "CrowdingRow"),
-    ("effects.csv", "src/batch/chart/effects.rs", "EffectRow"),
-    ("poisson.csv", "src/batch/chart/poisson.rs", "PoissonRow"),
-    ("prediction.csv", "src/batch/chart/prediction.rs", "PredictionRow"),
-    ("footprint.csv", "src/batch/chart/sampling.rs", "FootprintRow"),
+    ("study.csv", "src/lab/batch/study/point.rs", "StudyPoint"),
+    ("methods.csv", "src/lab/batch/chart/rows.rs", "MethodRow"),
+    ("crowding.csv", "src/lab/batch/chart/crowding.rs", "CrowdingRow"),
+    ("effects.csv", "src/lab/batch/chart/effects.rs", "EffectRow"),
+    ("poisson.csv", "src/lab/batch/chart/poisson.rs", "PoissonRow"),
+    ("prediction.csv", "src/lab/batch/chart/prediction.rs", "PredictionRow"),
+    ("footprint.csv", "src/lab/batch/chart/sampling.rs", "FootprintRow"),
 ];
 
 /// Returns the fields of a structure, separated by commas.

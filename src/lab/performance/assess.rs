@@ -169,7 +169,7 @@ mod tests {
     use crate::{assess::assess, metric::Settings, record::Case};
     use glam::DVec3;
 
-    const GUIDE: &str = include_str!("../guide/reports.md");
+    const GUIDE: &str = include_str!("../../guide/reports.md");
 
     fn flown(purpose: Use) -> Case {
         let mut dice = Dice::new(4);

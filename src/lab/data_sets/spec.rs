@@ -15,8 +15,8 @@ use toml::{Table, Value};
 
 /// Descriptions that come with the program, by their paths below `configs/`.
 const BUILT_IN: [(&str, &str); 2] = [
-    ("data_sets/lost_in_space.toml", include_str!("../../configs/data_sets/lost_in_space.toml")),
-    ("data_sets/targets.toml", include_str!("../../configs/data_sets/targets.toml")),
+    ("data_sets/lost_in_space.toml", include_str!("../../../configs/data_sets/lost_in_space.toml")),
+    ("data_sets/targets.toml", include_str!("../../../configs/data_sets/targets.toml")),
 ];
 /// Most items of a shard.
 const MOST_SHARD_ITEMS: u32 = 100_000;

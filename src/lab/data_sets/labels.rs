@@ -400,7 +400,7 @@ mod tests {
 
     #[test]
     fn every_column_is_in_the_guide() {
-        let page = include_str!("../guide/data_sets.md");
+        let page = include_str!("../../guide/data_sets.md");
         let items = ITEM_COLUMNS.iter().map(|column| (column.name, column.meaning));
         for (name, meaning) in items.chain(STAR_COLUMNS.iter().map(|column| (column.name, column.meaning))) {
             assert!(
