@@ -19,7 +19,7 @@ const MIB: usize = 1 << 20;
 #[derive(Debug, Args)]
 #[command(
     after_help = "Reads Gaia's bulk files (GaiaSource_*.csv.gz) and any CSV with Gaia's column names: source_id, ra, dec, \
-    pmra, pmdec, parallax, phot_g_mean_mag, and bp_rp or phot_bp_mean_mag and phot_rp_mean_mag, and ref_epoch where there is one; --column says where a \
+    pmra, pmdec, parallax, phot_g_mean_mag, and bp_rp or phot_bp_mean_mag and phot_rp_mean_mag, and ref_epoch where there is one, or the names that `pack` takes (ra_deg, g_mag and so on); --column says where a \
     file has another name, or that it has none. Stars of --bright are matched with theirs by place \
     and magnitude: none comes twice.\n\nA build with \
     the feature hats reads Parquet files of the same columns too, and HATS catalogs (folders with \
@@ -406,6 +406,8 @@ mod catalog_layers_tests {
         assert_eq!(names, [Some("Gaia DR3 4472832130942575872".to_owned())]);
         assert!(text.contains("European Space Agency (ESA) mission Gaia") && !text.contains("Hipparcos"), "{text}");
         assert_eq!(info(gaia, "without", &["--no-source-ids"]).1, [None]);
+        let to_pack = gaia.replace("ra,dec,phot_g_mean_mag", "ra_deg,dec_deg,g_mag");
+        assert_eq!(info(&to_pack, "to_pack", &[]).1, names, "columns as `pack` names them");
     }
 
     #[test]

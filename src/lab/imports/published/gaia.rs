@@ -2,7 +2,7 @@
 //!
 //! Columns, found by name, others ignored: `source_id`, `ra`, `dec` (deg, ICRS), `pmra` (with cos dec), `pmdec`
 //! (mas/yr), `parallax` (mas), `phot_g_mean_mag`, and `bp_rp` or else `phot_bp_mean_mag` and `phot_rp_mean_mag` (mag),
-//! `ref_epoch` (Julian year of the place).
+//! `ref_epoch` (Julian year of the place); or the names that `starloop catalog pack` takes (`ra_deg`, `g_mag` and so on).
 //! Where a file has other names, [`Names`] says so. A cell may be in quotes; a row is one line all the same, so that a
 //! stray quote cannot swallow the lines after it, and at most [`LONGEST_LINE`]. Blank is an empty cell, `null`, `nan`
 //! or `NaN`. A row without place or magnitude is left out and counted: nothing can be drawn of it; so is a line of `#`
@@ -76,6 +76,21 @@ const ARCHIVE: [&str; COLUMNS] = [
     "ref_epoch",
 ];
 
+/// Names in a CSV for `starloop catalog pack`; a file may have either.
+const PACKED: [&str; COLUMNS] = [
+    "source_id",
+    "ra_deg",
+    "dec_deg",
+    "pmra_masyr",
+    "pmdec_masyr",
+    "parallax_mas",
+    "g_mag",
+    "bp_rp",
+    "phot_bp_mean_mag",
+    "phot_rp_mean_mag",
+    "ref_epoch",
+];
+
 impl Default for Names {
     /// Returns the names of Gaia's archive, and the epoch of DR3.
     fn default() -> Self {
@@ -107,6 +122,13 @@ impl Names {
     /// Returns the name of the column in the file.
     pub(crate) fn here(&self, column: usize) -> &str {
         &self.columns[column]
+    }
+
+    /// Returns the place of a column among those of a file, by its name here, or by that of a CSV to pack.
+    fn place(&self, column: usize, cells: &[&str]) -> Option<usize> {
+        let place = |name: &str| cells.iter().position(|cell| *cell == name).filter(|_| !name.is_empty());
+        let packed = PACKED[column];
+        place(self.here(column)).or_else(|| place(packed).filter(|_| self.here(column) == ARCHIVE[column]))
     }
 
     /// Returns the columns that a file must have and `is_there` says it has not, by their names in the file: all but
@@ -290,8 +312,7 @@ impl<'a> Columns<'a> {
         // Some programs begin a file with the mark of UTF-8.
         let header = header.trim_start_matches('\u{feff}');
         let cells: Vec<&str> = header.split(',').map(without_quotes).collect();
-        let place = |name: &String| cells.iter().position(|cell| cell == name).filter(|_| !name.is_empty());
-        let places = names.columns.each_ref().map(place);
+        let places: [Option<usize>; COLUMNS] = core::array::from_fn(|column| names.place(column, &cells));
         let missing = names.missing(|column| places[column].is_some());
         if missing.is_empty() {
             return Ok(Self { path, names, places, count: cells.len() });
@@ -497,7 +518,7 @@ mod tests {
         let bad = BULK.replace("11.938616", "11.9x");
         let reported = refused(bad.as_bytes(), "g.csv");
         assert!(reported.contains("g.csv, line 7, column pmra: wanted a number, or null, got \"11.9x\""), "{reported}");
-        let reported = refused(BULK.replace("phot_g_mean_mag", "g_mag").replace("pmra,", "pm_e,").as_bytes(), "g.csv");
+        let reported = refused(BULK.replace("phot_g_mean_mag", "mag").replace("pmra,", "pm_e,").as_bytes(), "g.csv");
         assert!(reported.contains("g.csv: no column pmra, phot_g_mean_mag; got solution_id,source_id"), "{reported}");
         assert!(
             reported.contains("--column phot_g_mean_mag=NAME") && reported.contains("--column pmra= "),
