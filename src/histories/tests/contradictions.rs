@@ -151,7 +151,7 @@ fn a_few_contradicting_rows_are_a_warning_and_show_in_the_error() {
 
 /// Returns states of a flight about the Earth that begins at perigee, with a change of velocity at `burn_s`.
 fn flight(count: u32, step_s: f64, eccentricity: f64, burn_s: f64) -> Vec<[f64; 7]> {
-    const GM: f64 = 398_600.4418;
+    const GM: f64 = 398_600.441_8;
     let mut position = DVec3::new(6930.0, 0.0, 0.0);
     let mut velocity = DVec3::new(0.0, 0.62, 0.785).normalize() * (GM * (1.0 + eccentricity) / 6930.0).sqrt();
     let pull = |position: DVec3| position * (-GM / position.length().powi(3));

@@ -486,7 +486,7 @@ mod evidence_tests {
         let bias = OF_ATTITUDES.of("x", None, mean(&values, 0.95).unwrap());
         let half = bias.high.unwrap() - bias.value;
         let limit = bias.value + 0.25 * half;
-        let (verdict, needs) = judged("bias.x", &format!("most = {limit}"), &[bias.clone()]);
+        let (verdict, needs) = judged("bias.x", &format!("most = {limit}"), core::slice::from_ref(&bias));
         let needed = needs.unwrap().needed;
         assert!(verdict == Verdict::NotShown && (1600..=1601).contains(&needed), "16 times 100: {needed}");
         let beyond = format!("most = {}", bias.value - 0.25 * half);

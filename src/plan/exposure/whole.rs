@@ -8,7 +8,7 @@
 //!
 //! Domain: exact PSF sampling, stars that cover at most [`MOST_PX`] pixels together and [`MOST_STARS`] in number, and a
 //! quarter of the frame's time; where there are more, only stars of eight times the light of the first one left out.
-//! Bound: light beyond the whole footprint, at most [`LARGEST_HALF_PX`](crate::optics::psf::LARGEST_HALF_PX) and the
+//! Bound: light beyond the whole footprint, at most [`LARGEST_HALF_PX`] and the
 //! PSF's own grid; 1e-13 of a Gaussian. Stars outside the domain are drawn as ordinary ones, and their error is named.
 //! Tests below; `tests/physics/whole.rs`, `tests/gpu/whole.rs`.
 

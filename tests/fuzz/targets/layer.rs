@@ -249,7 +249,7 @@ fn written(stars: &[NewStar], doubled: &mut u64, has_numbers: bool) -> Vec<u8> {
 fn write_and_read(input: &mut Input<'_>) {
     let stars: Vec<NewStar> = core::iter::from_fn(|| (!input.is_empty()).then(|| star(input))).take(32).collect();
     let mut doubled = 0;
-    let layer = written(&stars, &mut doubled, stars.len() % 2 == 0);
+    let layer = written(&stars, &mut doubled, stars.len().is_multiple_of(2));
     for star in read(&layer).expect("what was written is a layer") {
         let near = |given: &&NewStar| {
             let place = direction_from_ra_dec(given.ra_rad, given.dec_rad);

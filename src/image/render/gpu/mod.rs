@@ -7,7 +7,7 @@
 //! * `table`: tabulated and effective PSFs, from the tables of [`crate::render::table`]. One
 //!   invocation per star and block of 8 x 1 pixels, 16 taps per pixel and node.
 //!
-//! * `whole`: whole stars, which the host draws in double precision ([`crate::render::whole`]), added last.
+//! * `whole`: whole stars, which the host draws in double precision (`crate::render::whole`), added last.
 //!
 //! A field of more stars than [`Gpu::limit_block`] allows comes in blocks, one after another into the same image.
 //! Additions are integer, so they commute: a repeated plan gives the same bits. The scale is chosen per frame so that

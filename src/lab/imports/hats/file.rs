@@ -86,8 +86,7 @@ impl ParquetFile {
             Refused::at(
                 &self.path,
                 format_args!(
-                    "damaged, or no Parquet file: {why}",
-                    why = format!("{wanted} rows in its footer, and another number in its row groups")
+                    "damaged, or no Parquet file: {wanted} rows in its footer, and another number in its row groups"
                 ),
             )
         })

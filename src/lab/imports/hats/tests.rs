@@ -63,7 +63,7 @@ fn import_all(catalog: &Path, folder: &Path) -> Result<Vec<LayerReport>, Refused
     for partition in &catalog.partitions {
         import(&partition.path, Some(partition.pixel), &names, &mut sorting, &mut |_| {})?;
     }
-    Ok(sorting.finish(&folder.join("layers"), EPOCH_YR, "whom it concerns", &mut |_| {})?)
+    sorting.finish(&folder.join("layers"), EPOCH_YR, "whom it concerns", &mut |_| {})
 }
 
 fn exporting(max_rows: usize) -> Exporting {

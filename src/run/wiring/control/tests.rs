@@ -181,11 +181,13 @@ fn ctrl_c_ends_a_wait() {
 
 /// Sends a byte every few milliseconds, and no line, until `is_over`.
 fn drip(mut client: TcpStream, is_over: std::sync::Arc<AtomicBool>) -> std::thread::JoinHandle<()> {
-    std::thread::spawn(move || {
+    let thread = std::thread::Builder::new().name("client".into());
+    let dripping = thread.spawn(move || {
         while !is_over.load(Ordering::SeqCst) && client.write_all(b"a").is_ok() {
             std::thread::sleep(core::time::Duration::from_millis(5));
         }
-    })
+    });
+    dripping.unwrap()
 }
 
 #[test]
