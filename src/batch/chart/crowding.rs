@@ -120,14 +120,9 @@ pub fn chart(rows: &[CrowdingRow]) -> Chart {
         series.push(Series::new(format!("{backend}, measured"), Style::Points, group, of(CrowdingRow::total_ms)));
         series.push(Series::new(format!("{backend}, predicted"), Style::DashedLine, group, of(|row| row.predicted_ms)));
     }
-    Chart {
-        title: "Time of a frame by its stars, jitter of 0.5 px".into(),
-        x: Axis::log("stars on the detector"),
-        y: Axis::log("planning and drawing, ms"),
-        series,
-        ring: String::new(),
-        notes: vec!["Gaussian PSF of 0.8 px; medians. The planner's prediction is of planning and drawing.".into()],
-    }
+    let (x, y) = (Axis::log("stars on the detector"), Axis::log("planning and drawing, ms"));
+    Chart::new("Time of a frame by its stars, jitter of 0.5 px", x, y, series)
+        .noted("Gaussian PSF of 0.8 px; medians. The planner's prediction is of planning and drawing.")
 }
 
 /// Returns lines for a terminal.

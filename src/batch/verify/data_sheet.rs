@@ -155,22 +155,15 @@ impl DataSheet {
     pub fn chart(&self, camera: &str) -> Chart {
         let measured = self.points.iter().map(|p| [p.signal_dn, p.variance_dn2]).collect();
         let line = |p: &LightPoint| [p.signal_dn, p.signal_dn / self.gain_e_per_dn];
-        Chart {
-            title: format!("Photon transfer of {camera}"),
-            x: Axis::log("signal over the dark level, DN"),
-            y: Axis::log("temporal variance over that of the dark, DN^2"),
-            series: vec![
-                Series::new("pairs of flats", Style::Points, 0, measured),
-                Series::new(
-                    format!("slope 1 / {:.4} e-/DN", self.gain_e_per_dn),
-                    Style::Line,
-                    1,
-                    self.points.iter().map(line).collect(),
-                ),
-            ],
-            ring: String::new(),
-            notes: vec!["EMVA 1288: the slope up to 70 % of saturation is the reciprocal gain.".into()],
-        }
+        let slope = format!("slope 1 / {:.4} e-/DN", self.gain_e_per_dn);
+        let series = vec![
+            Series::new("pairs of flats", Style::Points, 0, measured),
+            Series::new(slope, Style::Line, 1, self.points.iter().map(line).collect()),
+        ];
+        let x = Axis::log("signal over the dark level, DN");
+        let y = Axis::log("temporal variance over that of the dark, DN^2");
+        Chart::new(format!("Photon transfer of {camera}"), x, y, series)
+            .noted("EMVA 1288: the slope up to 70 % of saturation is the reciprocal gain.")
     }
 }
 

@@ -237,19 +237,14 @@ impl TelemetryPlot {
             Series::new(label, Style::Line, group, self.bins.iter().enumerate().filter_map(point).collect())
         };
         let reported: Vec<String> = self.modes.iter().take(8).map(|(t_s, mode)| format!("{t_s:.0} s {mode}")).collect();
-        let chart = Chart {
-            title: title.into(),
-            x: Axis::linear("time after the first exposure, s"),
-            y: Axis::log("angle, arcsec (largest of each stretch)"),
-            series: vec![
-                line("true attitude to target", 0, 0),
-                line("true attitude to estimate", 1, 1),
-                line("sigma of the estimate", 2, 2),
-            ],
-            ring: String::new(),
-            notes: vec![format!("modes: {}", reported.join(", "))],
-        };
-        to_svg(&chart)
+        let series = vec![
+            line("true attitude to target", 0, 0),
+            line("true attitude to estimate", 1, 1),
+            line("sigma of the estimate", 2, 2),
+        ];
+        let x = Axis::linear("time after the first exposure, s");
+        let y = Axis::log("angle, arcsec (largest of each stretch)");
+        to_svg(&Chart::new(title, x, y, series).noted(format!("modes: {}", reported.join(", "))))
     }
 }
 

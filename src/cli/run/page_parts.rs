@@ -50,17 +50,14 @@ pub(crate) fn chart_of_pointing(rows: &[Row]) -> Option<String> {
     };
     let across = |row: &Row| Some(turned_deg(row.ra_deg? - ra_deg) * dec_deg.to_radians().cos());
     let up = |row: &Row| Some(row.dec_deg? - dec_deg);
-    Some(to_svg(&Chart {
-        title: "Boresight of the recorded frames, from that of the first".into(),
-        x: Axis::linear("time after the first frame, s"),
-        y: Axis::linear("angle, arcsec"),
-        series: vec![
-            Series::new("right ascension, times cos(declination)", Style::Line, 0, of(&across)),
-            Series::new("declination", Style::Line, 1, of(&up)),
-        ],
-        ring: String::new(),
-        notes: vec![format!("first frame: right ascension {ra_deg:.6} deg, declination {dec_deg:.6} deg")],
-    }))
+    let series = vec![
+        Series::new("right ascension, times cos(declination)", Style::Line, 0, of(&across)),
+        Series::new("declination", Style::Line, 1, of(&up)),
+    ];
+    let (x, y) = (Axis::linear("time after the first frame, s"), Axis::linear("angle, arcsec"));
+    let chart = Chart::new("Boresight of the recorded frames, from that of the first", x, y, series);
+    let first = format!("first frame: right ascension {ra_deg:.6} deg, declination {dec_deg:.6} deg");
+    Some(to_svg(&chart.noted(first)))
 }
 
 /// Returns an angle from -180 to 180 deg.

@@ -250,10 +250,6 @@ pub(super) fn plots(report: &Report, assessment: &Assessment) -> Vec<String> {
     charts.iter().filter(|chart| chart.series.iter().any(|series| !series.points.is_empty())).map(to_svg).collect()
 }
 
-fn chart(title: impl Into<String>, x: Axis, y: Axis, series: Vec<Series>) -> Chart {
-    Chart { title: title.into(), x, y, series, ring: String::new(), notes: Vec::new() }
-}
-
 /// Every n-th point, so that at most [`MOST_POINTS`] are left, and all gaps.
 fn thinned(points: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
     let step = points.len().div_ceil(MOST_POINTS).max(1);
@@ -291,7 +287,7 @@ fn errors_in_time(case: &JudgedCase) -> Chart {
     if !faults.is_empty() {
         all.push(Series::new("commanded fault", Style::Front, 0, faults));
     }
-    chart(format!("Error in time: {}", case.name), Axis::linear("time, s"), Axis::linear("error, arcsec"), all)
+    Chart::new(format!("Error in time: {}", case.name), Axis::linear("time, s"), Axis::linear("error, arcsec"), all)
 }
 
 fn across(cases: &[JudgedCase]) -> Chart {
@@ -312,7 +308,7 @@ fn across(cases: &[JudgedCase]) -> Chart {
     ];
     let shown = all.into_iter().filter(|series| !series.points.is_empty()).collect();
     let axis = |name: &str| Axis::linear(format!("error about {name}, arcsec"));
-    chart("Errors across the boresight", axis("x"), axis("y"), shown)
+    Chart::new("Errors across the boresight", axis("x"), axis("y"), shown)
 }
 
 fn cumulative(cases: &[JudgedCase]) -> Chart {
@@ -331,7 +327,7 @@ fn cumulative(cases: &[JudgedCase]) -> Chart {
         Series::new("directional", Style::Line, 0, of(|error| error.x.hypot(error.y))),
         Series::new("rotational", Style::Line, 1, of(|error| error.z.abs())),
     ];
-    chart("Share of attitudes with a smaller error", Axis::log("error, arcsec"), Axis::share("share"), all)
+    Chart::new("Share of attitudes with a smaller error", Axis::log("error, arcsec"), Axis::share("share"), all)
 }
 
 fn acquisition(cases: &[JudgedCase]) -> Option<Chart> {
@@ -346,7 +342,7 @@ fn acquisition(cases: &[JudgedCase]) -> Option<Chart> {
     let points = (0..=longest).map(|frames| [frames as f64, share(frames)]).collect();
     let all = vec![Series::new("found", Style::Line, 2, points)];
     let (x, y) = (Axis::linear("frames"), Axis::share("share of attitudes"));
-    Some(chart("Acquisition from lost in space", x, y, all))
+    Some(Chart::new("Acquisition from lost in space", x, y, all))
 }
 
 /// The amplitude ratio over the frequency, and that of the exposure alone.
@@ -368,7 +364,7 @@ fn ratios(report: &Report, cases: &[JudgedCase]) -> Option<Chart> {
         Series::new("exposure alone", Style::Line, 1, exposure.collect()),
     ];
     let (x, y) = (Axis::linear("frequency, Hz"), Axis::linear("output over line of sight"));
-    Some(chart("Amplitude ratio", x, y, all))
+    Some(Chart::new("Amplitude ratio", x, y, all))
 }
 
 /// A sweep: cases that share what their names begin with and the key of a value.
@@ -390,7 +386,7 @@ fn sweeps(report: &Report) -> Vec<Chart> {
             cases.filter_map(value).collect()
         };
         let tracking = vec![Series::new("tracking probability", Style::Line, 0, of("tracking_probability"))];
-        charts.push(chart(format!("{stem}: tracking"), Axis::linear(key), Axis::share("share of frames"), tracking));
+        charts.push(Chart::new(format!("{stem}: tracking"), Axis::linear(key), Axis::share("share of frames"), tracking));
         let noise = [
             ("across, per axis", "temporal_noise.directional_per_axis"),
             ("about the boresight", "temporal_noise.rotational"),
@@ -398,7 +394,7 @@ fn sweeps(report: &Report) -> Vec<Chart> {
         let noise =
             noise.into_iter().enumerate().map(|(group, (name, id))| Series::new(name, Style::Line, group, of(id)));
         let y = Axis { label: "1 sigma, arcsec".into(), scale: Scale::Log };
-        charts.push(chart(format!("{stem}: temporal noise"), Axis::linear(key), y, noise.collect()));
+        charts.push(Chart::new(format!("{stem}: temporal noise"), Axis::linear(key), y, noise.collect()));
     }
     charts
 }
