@@ -291,10 +291,9 @@ fn chart(camera: &Camera, sensitivity: &Sensitivity, mags: &[f64]) -> Chart {
         level(LIMITS[1], 4),
     ];
     let x = Axis::linear(format!("Gaia G, stars of BP-RP = {}", sensitivity.bp_rp));
-    Chart::new(format!("Signal-to-noise ratio, {}", camera.name), x, Axis::log("SNR of one frame"), series).noted(format!(
-        "Exposure {} s; window {1} x {1} px; star on the centre of a pixel.",
-        sensitivity.exposure_s, sensitivity.window.side_px
-    ))
+    let (exposure_s, side_px) = (sensitivity.exposure_s, sensitivity.window.side_px);
+    Chart::new(format!("Signal-to-noise ratio, {}", camera.name), x, Axis::log("SNR of one frame"), series)
+        .noted(format!("Exposure {exposure_s} s; window {side_px} x {side_px} px; star on the centre of a pixel."))
 }
 
 #[cfg(test)]
