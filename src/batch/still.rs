@@ -6,8 +6,9 @@
 //! image lag is the exception, because it keeps charge from image to image. Tests: below, `hil_scripts/test_files.py`
 //! (the command `render`).
 
+use base::refused::Refused;
 use base::time::{Span, Tai};
-use config::{Action, Bench, ConfigError, Event};
+use config::{Action, Bench, Event};
 use frames::report::StageTimes;
 use frames::sink::{FrameFault, SentFrame};
 use image::gpu::Electrons;
@@ -188,34 +189,19 @@ fn slot_of(motion: &Motion, number: u32) -> Slot {
 
 // Faults of single images, written as the keys of an `[[event]]`.
 
-/// A fault that a single image cannot have.
-#[derive(Debug, thiserror::Error)]
-pub enum StillFaultError {
-    /// The keys are not those of an event.
-    #[error(transparent)]
-    Keys(#[from] ConfigError),
-    /// It is not written as keys of a table.
-    #[error("a fault: {0}; wanted keys of an event, such as do = \"stray_light\", e_per_s = 200")]
-    Form(String),
-    /// It does not change an image.
-    #[error(
-        "a fault: got do = \"{0}\", wanted one that changes a single image: frame_drop, frame_late, frame_duplicate and frame_torn need a run, faults \
-         of the bus and of the spacecraft do too"
-    )]
-    NotOfAnImage(&'static str),
-}
-
 /// Returns the fault that the keys of an event describe, separated by commas: `do = "stray_light", e_per_s = 200`.
 ///
 /// # Errors
 /// When the keys are not those of a fault of frames that changes a single image.
-pub fn still_fault(keys: &str) -> Result<FrameFault, StillFaultError> {
+pub fn still_fault(keys: &str) -> Result<FrameFault, Refused> {
     #[derive(serde::Deserialize)]
     struct Line {
         fault: Map<String, Value>,
     }
-    let line: Line = toml::from_str(&format!("fault = {{ {keys} }}"))
-        .map_err(|error| StillFaultError::Form(error.message().into()))?;
+    let line = toml::from_str::<Line>(&format!("fault = {{ {keys} }}")).map_err(|error| {
+        let wanted = "wanted keys of an event, such as do = \"stray_light\", e_per_s = 200";
+        Refused(format!("a fault: {}; {wanted}", error.message()))
+    })?;
     still_fault_of(line.fault)
 }
 
@@ -223,10 +209,10 @@ pub fn still_fault(keys: &str) -> Result<FrameFault, StillFaultError> {
 ///
 /// # Errors
 /// As [`still_fault`].
-pub fn still_fault_of(mut keys: Map<String, Value>) -> Result<FrameFault, StillFaultError> {
+pub fn still_fault_of(mut keys: Map<String, Value>) -> Result<FrameFault, Refused> {
     // It lasts as long as the image does.
     keys.entry("for_s").or_insert_with(|| Value::from(1.0));
-    let event = Event::from_json(&keys, 0.0, Span::from_s(1.0))?;
+    let event = Event::from_json(&keys, 0.0, Span::from_s(1.0)).map_err(Refused::of)?;
     match event.action {
         Action::Frame { fault, .. } if !matches!(fault, FrameFault::Sending(_)) => Ok(fault),
         Action::Frame { .. }
@@ -236,7 +222,11 @@ pub fn still_fault_of(mut keys: Map<String, Value>) -> Result<FrameFault, StillF
         | Action::Bus(_)
         | Action::BusBackLoss { .. }
         | Action::Aboard(_)
-        | Action::Trigger { .. } => Err(StillFaultError::NotOfAnImage(event.action.word())),
+        | Action::Trigger { .. } => Err(Refused(format!(
+            "a fault: got do = \"{}\", wanted one that changes a single image: frame_drop, frame_late, frame_duplicate and \
+             frame_torn need a run, faults of the bus and of the spacecraft do too",
+            event.action.word()
+        ))),
     }
 }
 

@@ -185,7 +185,7 @@ mod tests {
     #[test]
     fn every_number_of_a_report_is_in_the_list_under_the_use_that_gives_it() {
         let mut seen = Vec::new();
-        for purpose in Use::ALL {
+        for purpose in &Use::ALL {
             for metric in assess(&[flown(*purpose)], &Settings::default()).metrics {
                 let kinds = kinds_of(&metric.id);
                 let is_listed = |kind: &&Kind| {

@@ -63,7 +63,7 @@ pub(crate) const FALSE: Kind = Kind {
     unit: "share",
     reading: Reading::Mixed,
     how: "attitudes beyond the limits of a false one, over frames; Clopper and Pearson",
-    uses: Use::ALL,
+    uses: &Use::ALL,
     interval: Interval::Share,
     counted: "frames",
     ..Kind::USUAL
@@ -73,7 +73,7 @@ pub(crate) const FALSE_COUNT: Kind = Kind {
     unit: "count",
     reading: Reading::Mixed,
     how: "attitudes beyond the limits of a false one",
-    uses: Use::ALL,
+    uses: &Use::ALL,
     case_uses: Use::EACH_FOR_ITSELF,
     interval: Interval::Counted,
     counted: "frames",
