@@ -7,7 +7,7 @@ use crate::availability::{
     LOSSES, RECOVERY, TRACKING, acquisition, exclusion_angles, tracking, tracking_of_case,
 };
 use crate::bias::{FOV, OF_ATTITUDES, OF_TIME, PIXEL, bias, spatial_errors};
-use crate::metric::{Interval, Kind, Metric, Reading, Settings};
+use crate::metric::{Interval, Kind, Metric, Settings};
 use crate::noise::{
     BANDWIDTH, INERTIAL, NEA, RATIO, SUCCESSIVE, bandwidth, noise_of_case, ratio_of_case, temporal_noise,
 };
@@ -22,8 +22,6 @@ use core::fmt::Write;
 
 pub(crate) const AME: Kind = Kind {
     id: "absolute_measurement_error",
-    unit: "arcsec",
-    reading: Reading::Mixed,
     how: "AME: quantile of the error at the report's probability; order statistics",
     parts: &["directional", "rotational"],
     uses: &[Use::Run, Use::Inertial, Use::FovGrid, Use::Drift],

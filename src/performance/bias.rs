@@ -11,7 +11,6 @@ use glam::DVec3;
 
 pub(crate) const OF_ATTITUDES: Kind = Kind {
     id: "bias",
-    unit: "arcsec",
     reading: Reading::Ensemble,
     how: "mean of the means of attitudes; Student's t over attitudes",
     parts: AXES_AND_DIRECTIONAL,
@@ -20,7 +19,6 @@ pub(crate) const OF_ATTITUDES: Kind = Kind {
 };
 pub(crate) const OF_TIME: Kind = Kind {
     id: "bias",
-    unit: "arcsec",
     reading: Reading::Temporal,
     how: "mean of the means of stretches of time; Student's t over stretches",
     parts: AXES_AND_DIRECTIONAL,
@@ -112,7 +110,6 @@ pub fn stretches_of(case: &JudgedCase, stretches: usize) -> Vec<(f64, DVec3)> {
 
 pub(crate) const PIXEL: Kind = Kind {
     id: "pixel_spatial_error",
-    unit: "arcsec",
     reading: Reading::Ensemble,
     how: "1 sigma between shifts by parts of a pixel, less noise; Williams and Tukey",
     parts: &AXES,
@@ -121,7 +118,6 @@ pub(crate) const PIXEL: Kind = Kind {
 };
 pub(crate) const FOV: Kind = Kind {
     id: "fov_spatial_error",
-    unit: "arcsec",
     reading: Reading::Ensemble,
     how: "1 sigma between directions over the field, less noise and the pixel's part",
     parts: &AXES,

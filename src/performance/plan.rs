@@ -60,25 +60,20 @@ pub struct Plan {
 
 /// The tracker that measures the frames.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, default)]
 pub struct TrackerUnderTest {
     /// Which kind.
-    #[serde(default)]
     pub source: Source,
     /// Its name in the report.
     pub name: Option<String>,
     /// Most stars that the built-in tracker measures.
-    #[serde(default = "usual_stars")]
     pub stars: usize,
     /// Milliseconds that the built-in tracker thinks.
-    #[serde(default = "usual_delay")]
     pub delay_ms: f64,
     /// Milliseconds by which time tags of a tracker inside are late: a date error to be studied.
-    #[serde(default)]
     pub tag_error_ms: f64,
     /// A program and its arguments: `{frames}` is the folder of images, `{log}` the log to write, `{camera}` the camera
     /// file.
-    #[serde(default)]
     pub command: Vec<String>,
     /// Figures of the statistical tracker.
     pub model: Option<ModelFigures>,
@@ -86,12 +81,11 @@ pub struct TrackerUnderTest {
 
 impl Default for TrackerUnderTest {
     fn default() -> Self {
-        let (stars, delay_ms) = (usual_stars(), usual_delay());
         Self {
             source: Source::BuiltIn,
             name: None,
-            stars,
-            delay_ms,
+            stars: 40,
+            delay_ms: 50.0,
             tag_error_ms: 0.0,
             command: Vec::new(),
             model: None,
@@ -190,14 +184,6 @@ fn usual_rate() -> f64 {
 
 fn usual_sine() -> f64 {
     1.0
-}
-
-fn usual_stars() -> usize {
-    40
-}
-
-fn usual_delay() -> f64 {
-    50.0
 }
 
 fn usual_confidence() -> f64 {

@@ -4,7 +4,7 @@
 //! `crowding.csv`, a chart and a verdict: between two numbers of stars the time grows as their ratio to some power,
 //! which must be at most 1 (a frame has a part that all stars share). A frame's own part is measured without stars.
 
-use crate::chart::scenes::{Movement, Psf, Scene, Stars};
+use crate::chart::scenes::{Movement, STILL, Scene, Stars};
 use crate::chart::stage::{Drawer, Effort, Stage};
 use crate::chart::{Settings, stage};
 use base::refused::Refused;
@@ -49,12 +49,9 @@ fn scene(stars: usize, quick: bool) -> Scene {
         name: "crowding",
         title: "jitter of 0.5 px",
         size_px: if quick { 1024 } else { 2048 },
-        psf: Psf::Gaussian(0.8),
-        line_s: 0.0,
         motion: Movement::Sinusoid { amplitude_px: 0.5, cycles: 2.25 },
         stars: Stars::Field(stars),
-        is_charted: false,
-        note: "",
+        ..STILL
     }
 }
 

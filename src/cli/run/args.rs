@@ -1,7 +1,8 @@
 //! The command line of `starloop run`.
 
+use crate::cli::named::one_of;
 use clap::{Args, ValueEnum};
-use config::{self, Bench};
+use config::{Backend, Bench};
 use frames::sink::RecorderOptions;
 use link::{capture::CaptureFormat, gateway::TcpAddress};
 use run::wiring::{control::ControlAddress, run_clock::RunClockKind};
@@ -19,8 +20,8 @@ pub struct RunArgs {
     #[arg(long, value_name = "S")]
     pub(crate) duration: Option<f64>,
     /// Draw with this backend instead of the bench's
-    #[arg(long, value_enum)]
-    pub(crate) backend: Option<BackendName>,
+    #[arg(long, value_parser = one_of(BACKENDS))]
+    pub(crate) backend: Option<Backend>,
     /// Seed of the run instead of the bench's: the sensor's patterns, and all that has no seed of its own
     #[arg(long)]
     pub(crate) seed: Option<u64>,
@@ -143,18 +144,13 @@ impl CaptureFormatName {
     }
 }
 
-/// A backend, by name.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum BackendName {
-    /// A hardware GPU when there is one, else the CPU
-    Auto,
-    /// The GPU (software Vulkan counts), or an error
-    Gpu,
-    /// All CPU cores
-    Cpu,
-    /// f64, slow, the truth
-    Reference,
-}
+/// Backends: their words, what they are.
+pub(crate) const BACKENDS: &[(&str, &str, Backend)] = &[
+    ("auto", "A hardware GPU when there is one, else the CPU", Backend::Auto),
+    ("gpu", "The GPU (software Vulkan counts), or an error", Backend::Gpu),
+    ("cpu", "All CPU cores", Backend::Cpu),
+    ("reference", "f64, slow, the truth", Backend::Reference),
+];
 
 /// A sink, by name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -163,16 +159,4 @@ pub(crate) enum SinkKind {
     Recorder,
     /// Nothing is kept: timing only
     Null,
-}
-
-impl BackendName {
-    /// Returns the config's word for it.
-    pub fn configured(self) -> config::Backend {
-        match self {
-            Self::Auto => config::Backend::Auto,
-            Self::Gpu => config::Backend::Gpu,
-            Self::Cpu => config::Backend::Cpu,
-            Self::Reference => config::Backend::Reference,
-        }
-    }
 }

@@ -302,7 +302,7 @@ pub(crate) fn input(arguments: &RunArgs) -> Result<RunInput> {
 
 fn change_bench(bench: &mut Bench, arguments: &RunArgs) {
     if let Some(backend) = arguments.backend {
-        bench.render.backend = backend.configured();
+        bench.render.backend = backend;
     }
     bench.seed = arguments.seed.unwrap_or(bench.seed);
     bench.noise_seed_given = arguments.noise_seed.or(bench.noise_seed_given);
