@@ -15,7 +15,7 @@ use image::gpu::Electrons;
 use plan::exposure::target::Target;
 use plan::exposure::{ExposurePlan, Motion};
 use run::runtime::frame_faults::{Begin, FrameFaults};
-use run::runtime::{FrameEngine, Imager, Ledger, RunParams, Slot, Started};
+use run::runtime::{FrameEngine, Imager, Ledger, RunError, RunParams, Slot, Started};
 use run::{runtime::engine::Light, wiring::bench_parts::params_from};
 use scene::wcs::WcsMaker;
 use serde_json::{Map, Value};
@@ -30,17 +30,6 @@ pub const MOST_ELECTRONS: f64 = 1e12;
 
 /// Time before and after all images for which a fault acts: a fault that changes while it lasts is near its middle.
 const FAULT_SPAN: Span = Span::from_ns(1_000_000_000_000_000_000);
-
-/// An image that cannot be drawn.
-#[derive(Debug, thiserror::Error)]
-pub enum StillError {
-    /// The bench cannot be used.
-    #[error("{0}")]
-    Bench(String),
-    /// The sky, the backend or the detector failed.
-    #[error(transparent)]
-    Run(#[from] run::runtime::RunError),
-}
 
 /// Parameters of single images.
 #[derive(Debug, Clone)]
@@ -72,16 +61,16 @@ impl Still {
     ///
     /// # Errors
     /// When the camera, the observer, a layer of stars or the backend cannot be used.
-    pub fn new(params: &StillParams<'_>) -> Result<Self, StillError> {
+    pub fn new(params: &StillParams<'_>) -> Result<Self, RunError> {
         let StillParams { bench, span: [first, last], faults } = *params;
         let exposure = Span::from_s(bench.camera.exposure.exposure_s);
         let start = first - Span::from_ns(exposure.ns() / 2);
-        let run = params_from(bench, start).map_err(|error| StillError::Bench(format!("{error:#}")))?;
+        let run = params_from(bench, start).map_err(|error| RunError::Scene(Refused(format!("{error:#}"))))?;
         // Without a deadline images are drawn as exactly as the budget asks.
         let run = RunParams { degrade: false, ..run };
-        let detector = run.camera.make_detector(run.seeds()).map_err(run::runtime::RunError::from)?;
-        let imager = Imager::of_detector(run.backend, detector).map_err(run::runtime::RunError::from)?;
-        let sky = run.open_sky().map_err(run::runtime::RunError::from)?;
+        let detector = run.camera.make_detector(run.seeds())?;
+        let imager = Imager::of_detector(run.backend, detector)?;
+        let sky = run.open_sky()?;
         let mean_wcs = WcsMaker::new(&run.camera.geometry, &run.camera.whole_sensor());
         let faintest_mag = sky.layers.magnitudes()[1];
         let [width, height] = run.camera.output().size_px;
@@ -103,13 +92,13 @@ impl Still {
     ///
     /// # Errors
     /// When a fault cannot be prepared.
-    pub fn set_faults(&mut self, faults: &[FrameFault], first_number: u16) -> Result<(), StillError> {
+    pub fn set_faults(&mut self, faults: &[FrameFault], first_number: u16) -> Result<(), RunError> {
         self.faults = FrameFaults::default();
         let [from, until] = self.span;
         for (fault, number) in faults.iter().zip(first_number..) {
             self.faults.arm(Begin::At(from), until - from, *fault, number);
         }
-        Ok(self.faults.prepare(&mut self.engine)?)
+        self.faults.prepare(&mut self.engine)
     }
 
     /// Sets the scripted targets of the images to come in place of those before.
@@ -122,8 +111,8 @@ impl Still {
     ///
     /// # Errors
     /// When the backend failed.
-    pub fn draw_target_alone(&mut self, target: &Target) -> Result<(), StillError> {
-        Ok(self.engine.draw_target_alone(target)?)
+    pub fn draw_target_alone(&mut self, target: &Target) -> Result<(), RunError> {
+        self.engine.draw_target_alone(target)
     }
 
     /// Draws and reads out one image; `number` fixes its noise together with the noise seed. It is in [`Self::frame`]
@@ -131,7 +120,7 @@ impl Still {
     ///
     /// # Errors
     /// When the backend failed, or the sky cannot be computed at that time.
-    pub fn draw(&mut self, motion: &Motion, light: Light<'_>, number: u32) -> Result<StageTimes, StillError> {
+    pub fn draw(&mut self, motion: &Motion, light: Light<'_>, number: u32) -> Result<StageTimes, RunError> {
         let slot = slot_of(motion, number);
         let fate = self.faults.begin(slot, &mut self.engine, &mut self.ledger);
         let times = self.engine.expose_along(slot, motion, light, &mut self.ledger, &mut self.frame)?;
@@ -144,7 +133,7 @@ impl Still {
     ///
     /// # Errors
     /// As [`Self::draw`].
-    pub fn draw_mean(&mut self, motion: &Motion, light: Light<'_>, number: u32) -> Result<StageTimes, StillError> {
+    pub fn draw_mean(&mut self, motion: &Motion, light: Light<'_>, number: u32) -> Result<StageTimes, RunError> {
         let slot = slot_of(motion, number);
         self.faults.begin(slot, &mut self.engine, &mut self.ledger);
         let times = self.engine.mean_along(slot, motion, light, &mut self.ledger, &mut self.frame)?;

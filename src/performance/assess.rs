@@ -18,7 +18,6 @@ use crate::slopes::{
 use crate::statistics::quantile;
 use base::units::ARCSEC;
 use config::nearest;
-use core::fmt::Write;
 
 pub(crate) const AME: Kind = Kind {
     id: "absolute_measurement_error",
@@ -141,33 +140,35 @@ pub(crate) fn meant(unknown: &str) -> String {
     }
 }
 
-/// Returns the table of the guide.
-pub fn metric_table() -> String {
-    let mut table = "| metric | unit | cases (`use`) | how |\n|---|---|---|---|\n".to_owned();
-    for (place, kind) in KINDS.iter().enumerate() {
-        if KINDS[..place].iter().any(|before| before.id == kind.id && before.how == kind.how) {
-            continue;
-        }
-        let names: Vec<String> = kind.names().map(|name| format!("`{name}`")).collect();
-        let words = |uses: &[Use]| uses.iter().map(|of| format!("`{}`", of.name())).collect::<Vec<_>>().join(", ");
-        let all = if kind.uses == Use::ALL { "all".to_owned() } else { words(kind.uses) };
-        let each = if kind.case_uses.is_empty() { String::new() } else { format!("each of {}", words(kind.case_uses)) };
-        let cases = [all, each].into_iter().filter(|text| !text.is_empty()).collect::<Vec<_>>().join("; ");
-        let (names, unit, how) = (names.join(", "), kind.unit, kind.how.replace('|', "\\|"));
-        let _ = writeln!(table, "| {names} | {unit} | {cases} | {how} |"); // writing to a string does not fail
-    }
-    table
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::statistics::{fewest_trials, share};
     use crate::synthetic::{Dice, Frame, case};
     use crate::{assess::assess, metric::Settings, record::Case};
+    use core::fmt::Write;
     use glam::DVec3;
 
     const GUIDE: &str = include_str!("../guide/reports.md");
+
+    /// Returns the table of the guide.
+    fn metric_table() -> String {
+        let mut table = "| metric | unit | cases (`use`) | how |\n|---|---|---|---|\n".to_owned();
+        for (place, kind) in KINDS.iter().enumerate() {
+            if KINDS[..place].iter().any(|before| before.id == kind.id && before.how == kind.how) {
+                continue;
+            }
+            let names: Vec<String> = kind.names().map(|name| format!("`{name}`")).collect();
+            let words = |uses: &[Use]| uses.iter().map(|of| format!("`{}`", of.name())).collect::<Vec<_>>().join(", ");
+            let all = if kind.uses == Use::ALL { "all".to_owned() } else { words(kind.uses) };
+            let each =
+                if kind.case_uses.is_empty() { String::new() } else { format!("each of {}", words(kind.case_uses)) };
+            let cases = [all, each].into_iter().filter(|text| !text.is_empty()).collect::<Vec<_>>().join("; ");
+            let (names, unit, how) = (names.join(", "), kind.unit, kind.how.replace('|', "\\|"));
+            let _ = writeln!(table, "| {names} | {unit} | {cases} | {how} |"); // writing to a string does not fail
+        }
+        table
+    }
 
     fn flown(purpose: Use) -> Case {
         let mut dice = Dice::new(4);

@@ -3,7 +3,7 @@
 //! Errors in proportion to something: to the rate (measurement date error), to the displacement by aberration, to time
 //! (drift).
 
-use crate::bias::{across, group_means, stretches_of};
+use crate::bias::{group_means, of_axes, stretches_of};
 use crate::metric::{AXES, AXES_AND_DIRECTIONAL, Kind, Metric, Reading};
 use crate::record::{Judged, JudgedCase, Use};
 use crate::statistics::{Estimate, line, mean};
@@ -187,11 +187,7 @@ pub fn thermo_elastic(cases: &[JudgedCase], confidence: f64) -> Vec<Metric> {
         let [first, last] = [of(&means[..each], axis)?, of(&means[means.len() - each..], axis)?];
         Some(difference(last, first))
     };
-    let [Some(x), Some(y), Some(z)] = [change(0), change(1), change(2)] else { return Vec::new() };
-    let metric = |name: &str, estimate: Estimate| THERMO_ELASTIC.of(name, None, estimate.scaled(1.0 / ARCSEC));
-    let mut found: Vec<Metric> = AXES.iter().zip([x, y, z]).map(|(name, axis)| metric(name, axis)).collect();
-    found.push(metric("directional", across(x, y)));
-    found
+    of_axes(&THERMO_ELASTIC, [0, 1, 2].map(change))
 }
 
 #[cfg(test)]

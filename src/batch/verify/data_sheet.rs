@@ -75,15 +75,6 @@ impl Comparison {
     }
 }
 
-/// Returns the largest relative difference between the measured response and the one stated by a file, from 5 to 95 %
-/// of saturation. Both are relative to their own slope at the first point of that range.
-pub fn response_error(points: &[LightPoint], saturation_e: f64, seen_e: impl Fn(f64) -> f64) -> f64 {
-    let judged = points.iter().filter(|p| (0.05..=0.95).contains(&(p.light_e / saturation_e)));
-    let ratio = |p: &LightPoint| p.signal_dn / seen_e(p.light_e);
-    let first = judged.clone().next().map_or(f64::NAN, ratio);
-    judged.map(|p| (ratio(p) / first - 1.0).abs()).fold(0.0, f64::max)
-}
-
 /// Values of a file in the terms of the sheet.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stated {
