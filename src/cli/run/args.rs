@@ -5,7 +5,8 @@ use clap::{Args, ValueEnum};
 use config::{Backend, Bench};
 use frames::sink::RecorderOptions;
 use link::{capture::CaptureFormat, gateway::TcpAddress};
-use run::wiring::{control::ControlAddress, run_clock::RunClockKind};
+use run::wiring::control::ControlAddress;
+pub(crate) use run::wiring::run_clock::RunClockKind as ClockKind;
 use std::path::PathBuf;
 
 /// Command line of `run`.
@@ -14,7 +15,7 @@ pub struct RunArgs {
     /// Bench or scenario file (TOML); without one: the built-in loopback bench
     pub(crate) bench: Option<PathBuf>,
     /// Which clock: `real` is the bench, `virtual` runs as fast as the machine allows and repeats bit for bit
-    #[arg(long, value_enum, default_value_t = ClockKind::Real)]
+    #[arg(long, value_parser = one_of(CLOCKS), default_value = "real")]
     pub(crate) clock: ClockKind,
     /// Run for this many seconds instead of the bench's duration
     #[arg(long, value_name = "S")]
@@ -64,8 +65,8 @@ pub struct RunArgs {
     #[arg(long, value_name = "DIR")]
     pub(crate) capture: Option<PathBuf>,
     /// Form of the captured packets: pcapng holds CAN and serial, candump is text and holds CAN only
-    #[arg(long, value_enum, default_value_t = CaptureFormatName::Pcapng)]
-    pub(crate) capture_format: CaptureFormatName,
+    #[arg(long, value_parser = one_of(CAPTURES), default_value = "pcapng")]
+    pub(crate) capture_format: CaptureFormat,
     /// Serve a page with the newest frames and the run's numbers, and /metrics for Prometheus: a port on loopback, or
     /// ADDRESS:PORT; port 0 takes a free one
     #[arg(long, value_name = "ADDRESS")]
@@ -96,53 +97,15 @@ impl RunArgs {
     }
 }
 
-/// A clock, by name.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
-pub(crate) enum ClockKind {
-    /// Wall time.
-    #[default]
-    Real,
-    /// Simulated time.
-    Virtual,
-}
+/// Clocks, by name.
+const CLOCKS: &[(&str, &str, ClockKind)] =
+    &[("real", "Wall time", ClockKind::Real), ("virtual", "Simulated time", ClockKind::Virtual)];
 
-impl ClockKind {
-    /// Returns the library's word for it.
-    pub(crate) fn kind(self) -> RunClockKind {
-        match self {
-            Self::Real => RunClockKind::Real,
-            Self::Virtual => RunClockKind::Virtual,
-        }
-    }
-
-    /// Returns its name in summaries.
-    pub(crate) fn summary_name(self) -> &'static str {
-        match self {
-            Self::Real => "monotonic",
-            Self::Virtual => "virtual",
-        }
-    }
-}
-
-/// A form of captured packets, by name.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
-pub(crate) enum CaptureFormatName {
-    /// Packets for Wireshark and tshark, exact to the bit
-    #[default]
-    Pcapng,
-    /// Text for can-utils and python-can
-    Candump,
-}
-
-impl CaptureFormatName {
-    /// Returns the library's word for it.
-    pub(crate) fn format(self) -> CaptureFormat {
-        match self {
-            Self::Pcapng => CaptureFormat::Pcapng,
-            Self::Candump => CaptureFormat::Candump,
-        }
-    }
-}
+/// Forms of captured packets, by name.
+const CAPTURES: &[(&str, &str, CaptureFormat)] = &[
+    ("pcapng", "Packets for Wireshark and tshark, exact to the bit", CaptureFormat::Pcapng),
+    ("candump", "Text for can-utils and python-can", CaptureFormat::Candump),
+];
 
 /// Backends: their words, what they are.
 pub(crate) const BACKENDS: &[(&str, &str, Backend)] = &[

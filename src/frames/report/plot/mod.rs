@@ -15,8 +15,10 @@ mod svg;
 #[cfg(test)]
 mod tests;
 
+pub(super) use axis::round_above;
 pub(super) use layout::colour;
 pub use layout::pareto_front;
+pub(super) use svg::Page;
 pub use svg::to_svg;
 
 /// Spacing of values along an axis.
