@@ -71,7 +71,8 @@ impl Page {
 
     /// Adds a row of a class: bad or open.
     pub fn row_of<S: AsRef<str>>(&mut self, class: &str, texts: &[S]) {
-        self.add(&format!("<tr class=\"{class}\">{}</tr>", cells("td", texts)));
+        let class = if class.is_empty() { String::new() } else { format!(" class=\"{class}\"") };
+        self.add(&format!("<tr{class}>{}</tr>", cells("td", texts)));
     }
 
     /// Ends a table.

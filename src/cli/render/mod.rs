@@ -166,16 +166,16 @@ pub fn run(arguments: &RenderArgs) -> Result<()> {
 fn draw_all(arguments: &RenderArgs, scene: &mut Scene, series: &Series, format: Format) -> Result<()> {
     for number in 0..series.len() {
         scene.aim(series, number)?;
-        scene.draw(arguments.stage())?;
+        scene.draw(arguments.stage)?;
         scene.warn_of_error();
-        let path = numbered(arguments.out(), number)?;
-        scene.write(&path, arguments.stage(), format)?;
+        let path = numbered(&arguments.out, number)?;
+        scene.write(&path, arguments.stage, format)?;
         write_truth(&path.with_extension("truth.csv"), scene.frame())?;
     }
     println!(
         "{} images, the last {}",
         series.len(),
-        numbered(arguments.out(), series.len().saturating_sub(1))?.display()
+        numbered(&arguments.out, series.len().saturating_sub(1))?.display()
     );
     Ok(())
 }
@@ -210,16 +210,6 @@ impl RenderArgs {
             (None, Some(_), StartTime::Now) => bail!("--time: the bench starts now; give the instant of the image"),
             (None, None, _) => Tai::from_rfc3339(DEFAULT_TIME).map_err(anyhow::Error::msg),
         }
-    }
-
-    /// Returns what is written.
-    fn stage(&self) -> StageName {
-        self.stage
-    }
-
-    /// Returns the image to write.
-    fn out(&self) -> &Path {
-        &self.out
     }
 }
 

@@ -33,9 +33,8 @@ impl Finished {
             || !self.end.faults.is_empty()
             || !self.end.assessment.verdicts(None, &self.end.record).is_empty();
         is_judged.then(|| {
-            ScenarioReport::of(&self.scenario, &self.end.view(), self.wall_s)
-                .ended(&self.end.sink_lines, &self.end.losses)
-                .with_control(self.client.as_ref().map(Client::refusals))
+            let (end, refusals) = (&self.end, self.client.as_ref().map(Client::refusals));
+            ScenarioReport::of(&self.scenario, &end.view(), self.wall_s, refusals).ended(&end.sink_lines, &end.losses)
         })
     }
 

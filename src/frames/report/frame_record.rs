@@ -3,8 +3,8 @@
 //! Plain data that a frame thread fills in and a sink thread completes. Instants are on the run's clock. What is not
 //! known is `None`, never a made-up number.
 
-use crate::report::ReportError;
 use crate::report::stages::{Stage, StageHistograms, StageTimes};
+use base::refused::Refused;
 use base::time::{Span, Tai};
 use base::units::ARCSEC;
 
@@ -256,8 +256,14 @@ fn bound(record: &FrameRecord) -> String {
 /// Returns the rows, with a heading.
 ///
 /// # Errors
-/// [`ReportError::Csv`] when they cannot be expressed.
-pub fn frames_csv<'a>(records: impl IntoIterator<Item = &'a FrameRecord>) -> Result<Vec<u8>, ReportError> {
+/// When they cannot be expressed.
+pub fn frames_csv<'a>(records: impl IntoIterator<Item = &'a FrameRecord>) -> Result<Vec<u8>, Refused> {
+    table(records).map_err(|why| {
+        Refused(format!("the frames' times cannot be written as CSV: {why}; the frames are not affected"))
+    })
+}
+
+fn table<'a>(records: impl IntoIterator<Item = &'a FrameRecord>) -> csv::Result<Vec<u8>> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     let stages = Stage::ALL.iter().map(|stage| format!("{}_ms", stage.name()));
     writer.write_record(COLUMNS.iter().map(|(name, _)| (*name).to_owned()).chain(stages))?;
@@ -265,7 +271,7 @@ pub fn frames_csv<'a>(records: impl IntoIterator<Item = &'a FrameRecord>) -> Res
         let stages = Stage::ALL.iter().map(|stage| record.times.get(*stage).map(ms).unwrap_or_default());
         writer.write_record(COLUMNS.iter().map(|(_, cell)| cell(record)).chain(stages))?;
     }
-    writer.into_inner().map_err(|error| ReportError::Csv(error.into_error().into()))
+    writer.into_inner().map_err(|error| error.into_error().into())
 }
 
 #[cfg(test)]

@@ -5,9 +5,10 @@
 
 use crate::report::histogram::{CountSpread, Quantiles};
 use crate::report::{
-    ReportError, account::FrameAccount, frame_ring::Latency, losses::Losses, machine::Machine, sink_line::SinkLine,
+    account::FrameAccount, frame_ring::Latency, json_pretty, losses::Losses, machine::Machine, sink_line::SinkLine,
     stages::Stage, verdict::RunVerdict,
 };
+use base::refused::Refused;
 use serde::{Serialize, Serializer};
 use std::collections::BTreeMap;
 
@@ -149,9 +150,9 @@ impl RunSummary {
     /// Returns JSON for people and programs that ends in a line break. Numbers that are not finite become `null`.
     ///
     /// # Errors
-    /// [`ReportError::Json`] when it cannot be expressed.
-    pub fn to_json_pretty(&self) -> Result<String, ReportError> {
-        Ok(serde_json::to_string_pretty(self)? + "\n")
+    /// When it cannot be expressed.
+    pub fn to_json_pretty(&self) -> Result<String, Refused> {
+        json_pretty(self)
     }
 }
 
