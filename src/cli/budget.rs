@@ -4,11 +4,12 @@
 //! Input: a bench. Output: a table, files with `--report`, and an exit status for scripts: 3 when the budget is broken.
 //! What is not given in `[budget]` is derived: the whole from the readout time, drawing from the planner's time.
 
-use crate::cli::run::args::{BackendName, ClockKind, RunArgs, SinkKind};
+use crate::cli::run::args::{BACKENDS, ClockKind, RunArgs, SinkKind};
 use crate::cli::{EXIT_DONE, EXIT_INCOMPLETE, EXIT_OVER_BUDGET, budget_report, run};
-use crate::cli::{budget_report::budget_report, report_json::print_json, run::finished::verdict_line};
+use crate::cli::{budget_report::budget_report, named::one_of, report_json::print_json, run::finished::verdict_line};
 use anyhow::{Context, Result};
 use clap::Args;
+use config::Backend;
 use core::sync::atomic::{AtomicBool, Ordering};
 use frames::report::budget_table;
 use std::{path::PathBuf, sync::Arc, thread::JoinHandle};
@@ -35,8 +36,8 @@ pub struct BudgetArgs {
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = load_threads)]
     load: usize,
     /// Draw with this backend instead of the bench's
-    #[arg(long, value_enum)]
-    backend: Option<BackendName>,
+    #[arg(long, value_parser = one_of(BACKENDS))]
+    backend: Option<Backend>,
     /// Where frames go instead of the bench's sinks
     #[arg(long, value_enum)]
     sink: Option<SinkKind>,

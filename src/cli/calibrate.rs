@@ -3,10 +3,11 @@
 //! `starloop calibrate` alone means `starloop calibrate costs`; `starloop calibrate display` is a file of its own.
 
 use crate::cli::calibrate_display::{self, DisplayArgs};
-use crate::cli::{report_json::print_json, run::args::BackendName, terminal::ProgressLine};
+use crate::cli::{named::one_of, report_json::print_json, run::args::BACKENDS, terminal::ProgressLine};
 use anyhow::{Context, Result};
 use base::clock::{Clock, Monotonic, Stopwatch};
 use clap::{Args, Subcommand};
+use config::Backend;
 use core::fmt::Write as _;
 use plan::exposure::cost::CostModel;
 use run::runtime::Imager;
@@ -35,8 +36,8 @@ enum What {
 #[derive(Debug, Args)]
 struct CostArgs {
     /// Backend to measure
-    #[arg(long, value_enum, default_value_t = BackendName::Auto)]
-    backend: BackendName,
+    #[arg(long, value_parser = one_of(BACKENDS), default_value = "auto")]
+    backend: Backend,
     /// Write the constants to this file and leave the cache alone
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -61,7 +62,7 @@ pub fn run(arguments: &CalibrateArgs) -> Result<()> {
 }
 
 fn costs(arguments: &CostArgs) -> Result<()> {
-    let choice = arguments.backend.configured();
+    let choice = arguments.backend;
     let (watch, line) = (Stopwatch::start(), ProgressLine::new());
     let found = calibrate(choice, &Effort::of(choice, arguments.quick), &mut |scene, number, of| {
         line.show(&format!("measuring {number:>2} of {of}: {scene}"));

@@ -5,8 +5,9 @@
 //! file says, and whether it may be used; `beat` compares a shutter with a refresh rate; `simulate` does all of it on a
 //! simulated bench.
 
+use crate::cli::display::{CORNERS, row_share};
 use crate::cli::display_measurements::{Measurements, date_of, earlier, measurements_of_folder, sights_of_table};
-use crate::cli::{display::CornerWord, named::named_camera};
+use crate::cli::named::{named_camera, one_of};
 use anyhow::{Context, Result, bail};
 use base::clock::{Clock, Monotonic};
 use base::input_file::{DATA_BYTES, InputFile};
@@ -20,8 +21,8 @@ use outputs::display::calibration::{
     Calibration, DisplayIdentity, Fitted, Grid, Pattern, Plan, Sight, Tracker, TrackerIdentity, fit,
 };
 use outputs::display::{
-    beat::BeatInput, calibration::fit::FitOptions, calibration::measurement::write_csv, calibration::report::reported,
-    drive::Dither, latency::Latency,
+    Corner, beat::BeatInput, calibration::fit::FitOptions, calibration::measurement::write_csv,
+    calibration::report::reported, drive::Dither, latency::Latency,
 };
 use run::wiring::{camera_parts::camera_params, display_parts::SPOT_SIGMA_PX};
 use sky::astrometry::CameraGeometry;
@@ -126,8 +127,8 @@ struct FitArgs {
     #[arg(long, value_name = "FILE", conflicts_with = "given_latency")]
     latency: Option<PathBuf>,
     /// Where the marker was when --latency was measured
-    #[arg(long, value_enum, default_value_t = CornerWord::TopLeft, requires = "latency")]
-    marker_corner: CornerWord,
+    #[arg(long, value_parser = one_of(CORNERS), default_value = "top-left", requires = "latency")]
+    marker_corner: Corner,
     /// From the first row's light to the last row's, milliseconds, of panels that light row by row: about a refresh
     #[arg(long, value_name = "MS", default_value_t = 0.0, requires = "latency")]
     scan_ms: f64,
@@ -297,7 +298,7 @@ fn latency(arguments: &FitArgs) -> Result<Option<Latency>> {
             if !(0.0..=1000.0).contains(&arguments.scan_ms) {
                 bail!("--scan-ms: wanted 0 to 1000, got {}", arguments.scan_ms);
             }
-            let (row_share, scan) = (arguments.marker_corner.row_share(), Span::from_s(1e-3 * arguments.scan_ms));
+            let (row_share, scan) = (row_share(arguments.marker_corner), Span::from_s(1e-3 * arguments.scan_ms));
             Ok(Some(Latency::measured(file, row_share, scan).with_context(|| path.display().to_string())?))
         }
         (None, Some(ms)) if !(0.0..=10_000.0).contains(&ms) => bail!("--given-latency: wanted 0 to 10000 ms, got {ms}"),

@@ -1,10 +1,10 @@
 //! `starloop chart`: accuracy against speed, measured on this machine -> CSV tables and SVG charts in a folder.
 
-use crate::cli::{named, report_json::print_json, terminal::ProgressLine};
+use crate::cli::{named, named::one_of, report_json::print_json, terminal::ProgressLine};
 use anyhow::Result;
 use base::clock::Stopwatch;
 use batch::chart::{self, Backends, Settings};
-use clap::{Args, ValueEnum};
+use clap::Args;
 use frames::{report::step_line, sink::write_file_atomically};
 use std::path::PathBuf;
 
@@ -31,8 +31,8 @@ pub struct ChartArgs {
     #[arg(long, value_name = "DIR", default_value = "out/chart")]
     out: PathBuf,
     /// Backends to measure: all is the CPU, and the GPU where there is one
-    #[arg(long, value_enum, default_value_t = BackendName::All)]
-    backend: BackendName,
+    #[arg(long, value_parser = one_of(BACKENDS), default_value = "all")]
+    backend: Backends,
     /// Random paths and star fields follow from it
     #[arg(long, default_value_t = 1)]
     seed: u32,
@@ -42,26 +42,17 @@ pub struct ChartArgs {
 }
 
 /// Backends by name.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum BackendName {
-    Cpu,
-    Gpu,
-    All,
-}
+const BACKENDS: &[(&str, &str, Backends)] =
+    &[("cpu", "", Backends::Cpu), ("gpu", "", Backends::Gpu), ("all", "", Backends::All)];
 
 /// Runs the command.
 ///
 /// # Errors
 /// When the GPU asked for is not there, a backend fails or a file cannot be written.
 pub fn run(arguments: &ChartArgs) -> Result<()> {
-    let backends = match arguments.backend {
-        BackendName::Cpu => Backends::Cpu,
-        BackendName::Gpu => Backends::Gpu,
-        BackendName::All => Backends::All,
-    };
     // A folder that cannot be made is reported before minutes of measuring.
     named::make_folder("--out", &arguments.out)?;
-    let settings = Settings { quick: arguments.quick, backends, seed: arguments.seed };
+    let settings = Settings { quick: arguments.quick, backends: arguments.backend, seed: arguments.seed };
     let (watch, line, mut reported) = (Stopwatch::start(), ProgressLine::new(), 0);
     let charted = chart::run(&settings, &mut |step| {
         let text = step_line(step.done, step.total, watch.elapsed().s(), &step.next, LINE_WIDTH);

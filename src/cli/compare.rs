@@ -1,10 +1,10 @@
 //! `starloop compare`: real frames of the night sky against the same fields as starloop draws them.
 
-use crate::cli::named::{declination_deg, right_ascension_deg};
+use crate::cli::named::{declination_deg, one_of, right_ascension_deg};
 use crate::cli::{EXIT_DONE, EXIT_NOT_MET, named, render::input::three, report_json::print_json};
 use anyhow::{Context, Result, bail};
 use base::{axes::sensor_from_ra_dec_roll, time::Tai};
-use clap::{Args, ValueEnum};
+use clap::Args;
 use config::{Document, is_camera};
 use night_sky::{Compared, Comparer, Options, html, picture::Flip, report};
 use std::path::{Path, PathBuf};
@@ -39,8 +39,8 @@ pub struct CompareArgs {
     attitude: Option<[f64; 3]>,
     /// Turn the images over before they are compared: rows where the first row is the bottom one, columns where left and right are
     /// exchanged; FITS files without ROWORDER are tried both ways
-    #[arg(long, value_name = "WHAT")]
-    flip: Option<FlipWhat>,
+    #[arg(long, value_name = "WHAT", value_parser = one_of(FLIPS))]
+    flip: Option<Flip>,
     /// Layer of stars in place of the built-in catalog, as `starloop catalog import` writes it; may be repeated
     #[arg(long = "layer", value_name = "FILE.starlayer")]
     layers: Vec<PathBuf>,
@@ -52,23 +52,11 @@ pub struct CompareArgs {
     out: Option<PathBuf>,
 }
 
-/// Part of an image that is in reverse order.
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum FlipWhat {
-    /// The first row is the bottom one
-    Rows,
-    /// Left and right are exchanged
-    Columns,
-}
-
-impl FlipWhat {
-    fn flip(self) -> Flip {
-        match self {
-            Self::Rows => Flip::Rows,
-            Self::Columns => Flip::Columns,
-        }
-    }
-}
+/// Parts of an image that may be in reverse order.
+const FLIPS: &[(&str, &str, Flip)] = &[
+    ("rows", "The first row is the bottom one", Flip::Rows),
+    ("columns", "Left and right are exchanged", Flip::Columns),
+];
 
 /// Runs the command; the exit status.
 ///
@@ -108,8 +96,8 @@ fn options(arguments: &CompareArgs) -> Result<Options> {
             Some(sensor_from_ra_dec_roll(ra.to_radians(), dec.to_radians(), roll.to_radians()))
         }
     };
-    let flip = arguments.flip.map(FlipWhat::flip);
-    Ok(Options { time: arguments.time, is_ground: arguments.ground, attitude, flip, layers: arguments.layers.clone() })
+    let CompareArgs { time, ground, flip, layers, .. } = arguments;
+    Ok(Options { time: *time, is_ground: *ground, attitude, flip: *flip, layers: layers.clone() })
 }
 
 /// Writes report, pictures, camera files and tables.

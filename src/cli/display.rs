@@ -1,12 +1,12 @@
 //! `starloop display`: the monitors there are, and images on one of them: a look at a marker, a pattern, a grey ramp.
 //! What measures the latency is a file of its own.
 
-use crate::cli::report_json::print_json;
+use crate::cli::{named::one_of, report_json::print_json};
 use anyhow::{Context, Result, bail};
 use base::clock::{Clock, Monotonic};
 use base::input_file::{DATA_BYTES, InputFile, read_bytes};
 use base::{image::DnImage, time::Span};
-use clap::{Args, Subcommand, ValueEnum};
+use clap::{Args, Subcommand};
 use crossbeam_channel::{Receiver, RecvTimeoutError, bounded};
 use frames::sink::{SentFrame, Sink, write_file_atomically};
 use outputs::display::latency::{APART_S, Flip, Latency, flips_of};
@@ -78,8 +78,8 @@ struct ShowArgs {
     #[arg(long, default_value_t = 0)]
     marker_px: u32,
     /// Where the patch is
-    #[arg(long, value_enum, default_value_t = CornerWord::TopLeft)]
-    marker_corner: CornerWord,
+    #[arg(long, value_parser = one_of(CORNERS), default_value = "top-left")]
+    marker_corner: Corner,
 }
 
 /// Runs the command.
@@ -144,7 +144,7 @@ fn params(arguments: &ShowArgs, image_px: [u32; 2]) -> Result<Params> {
         10 => Bits::Ten,
         other => bail!("--bits {other}; wanted 8 or 10"),
     };
-    let corner = arguments.marker_corner.corner();
+    let corner = arguments.marker_corner;
     let marker = (arguments.marker_px > 0).then_some(Marker { size_px: arguments.marker_px, corner });
     let window_px = arguments.window.then_some(image_px);
     Ok(Params { monitor, window_px, bits, marker, ..Params::full_screen() })
@@ -215,35 +215,19 @@ const SHORTEST_PERIOD_S: f64 = 1.2 * APART_S;
 /// The row that a bench's latency is for, of all rows.
 const MIDDLE_ROW: f64 = 0.5;
 
-/// A corner, by name.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(super) enum CornerWord {
-    /// Where pixel (0, 0) is
-    TopLeft,
-    /// The end of the first row
-    TopRight,
-    /// The beginning of the last row
-    BottomLeft,
-    /// The last pixel
-    BottomRight,
-}
+/// Corners, by name.
+pub(super) const CORNERS: &[(&str, &str, Corner)] = &[
+    ("top-left", "Where pixel (0, 0) is", Corner::TopLeft),
+    ("top-right", "The end of the first row", Corner::TopRight),
+    ("bottom-left", "The beginning of the last row", Corner::BottomLeft),
+    ("bottom-right", "The last pixel", Corner::BottomRight),
+];
 
-impl CornerWord {
-    pub(super) fn corner(self) -> Corner {
-        match self {
-            Self::TopLeft => Corner::TopLeft,
-            Self::TopRight => Corner::TopRight,
-            Self::BottomLeft => Corner::BottomLeft,
-            Self::BottomRight => Corner::BottomRight,
-        }
-    }
-
-    /// Returns the row of the patch over the number of rows.
-    pub(super) fn row_share(self) -> f64 {
-        match self {
-            Self::TopLeft | Self::TopRight => 0.0,
-            Self::BottomLeft | Self::BottomRight => 1.0,
-        }
+/// Returns the row of the patch over the number of rows.
+pub(super) fn row_share(corner: Corner) -> f64 {
+    match corner {
+        Corner::TopLeft | Corner::TopRight => 0.0,
+        Corner::BottomLeft | Corner::BottomRight => 1.0,
     }
 }
 
@@ -268,8 +252,8 @@ pub(super) struct FlipArgs {
     #[arg(long, value_name = "PX", default_value_t = 64)]
     marker_px: u32,
     /// Where the patch is
-    #[arg(long, value_enum, default_value_t = CornerWord::TopLeft)]
-    marker_corner: CornerWord,
+    #[arg(long, value_parser = one_of(CORNERS), default_value = "top-left")]
+    marker_corner: Corner,
     /// Seconds between flips, 0.12 or more: longer than any latency
     #[arg(long, value_name = "S", default_value_t = 0.25)]
     period: f64,
@@ -288,8 +272,8 @@ pub(super) struct LatencyArgs {
     #[arg(long, value_name = "FILE")]
     edges: PathBuf,
     /// Where the patch was
-    #[arg(long, value_enum, default_value_t = CornerWord::TopLeft)]
-    marker_corner: CornerWord,
+    #[arg(long, value_parser = one_of(CORNERS), default_value = "top-left")]
+    marker_corner: Corner,
     /// From the first row's light to the last row's, milliseconds, of panels that light row by row: about a refresh; 0
     /// when all rows light at once, or when it is not known
     #[arg(long, value_name = "MS", default_value_t = 0.0)]
@@ -313,7 +297,7 @@ pub(super) fn flip(arguments: &FlipArgs) -> Result<()> {
     let monitor = monitor_choice(arguments.monitor.as_deref());
     let all = monitors()?;
     let image_px = all[choose(&all, &monitor)?].size_px;
-    let marker = Some(Marker { size_px: arguments.marker_px, corner: arguments.marker_corner.corner() });
+    let marker = Some(Marker { size_px: arguments.marker_px, corner: arguments.marker_corner });
     let params = Params { monitor, marker, ..Params::full_screen() };
     let clock: Arc<dyn Clock> = Arc::new(Monotonic::start());
     let maker = GreyMaker::nearest(&GreyTable::linear(Bits::Eight.count()));
@@ -345,7 +329,7 @@ pub(super) fn latency(arguments: &LatencyArgs) -> Result<()> {
     let edges: Vec<f64> = rows(&arguments.edges)?.iter().map(|edge: &Edge| edge.edge_s).collect();
     let flips = flips_of(&submits, &edges)?;
     let scan = Span::from_s(1e-3 * arguments.scan_ms);
-    let latency = Latency::of_flips(&flips, arguments.marker_corner.row_share(), scan)?;
+    let latency = Latency::of_flips(&flips, row_share(arguments.marker_corner), scan)?;
     println!("{}", latency.reported());
     println!(
         "latency_ms = {:.3}   # for the bench's [sink]: in the middle of the display",

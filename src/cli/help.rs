@@ -190,14 +190,6 @@ const EXAMPLES: &[(&str, &[&str])] = &[
             "catalog query --ra 266.4 --dec -29 --radius 1 --at 2026-01-01T00:00:00Z",
         ],
     ),
-    ("fly", &["fly my_plan.toml --out out/plan", "fly my_plan.toml --case rate --out out/rates"]),
-    (
-        "report",
-        &[
-            "report out/acquisition --tracker my_log.csv",
-            "report out/acquisition --tracker my_log.csv --requirements my_requirements.toml",
-        ],
-    ),
     ("doctor", &["doctor", "doctor --json"]),
     (
         "completions",

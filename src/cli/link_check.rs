@@ -59,24 +59,15 @@ pub struct LinkCheckArgs {
     json: bool,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Kind {
-    /// The bus in memory
-    Simulated,
-    /// CAN through the kernel
-    Socketcan,
-    /// A serial port
-    Serial,
-}
-
-impl Kind {
-    /// Returns its word on the command line.
-    fn name(self) -> &'static str {
-        match self {
-            Self::Simulated => "simulated",
-            Self::Socketcan => "socketcan",
-            Self::Serial => "serial",
-        }
+base::words! {
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+    enum Kind {
+        /// The bus in memory
+        Simulated = "simulated",
+        /// CAN through the kernel
+        Socketcan = "socketcan",
+        /// A serial port
+        Serial = "serial",
     }
 }
 

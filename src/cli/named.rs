@@ -4,6 +4,7 @@ use anyhow::{Context, Result, bail};
 #[cfg(feature = "spice")]
 use base::input_file::{DATA_BYTES, read_bytes};
 use clap::Args;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use config::{Bench, Camera, Document, RIGHT_ASCENSION_DEG, RadiometryModel, is_camera};
 use histories::{AttitudeHistory, read};
 use plan::optics::{StarLight, StarSpectra};
@@ -188,6 +189,22 @@ fn of_kernel(path: &Path, _kernels: &KernelArgs) -> Result<AttitudeHistory> {
          `cargo install --locked --path . --features spice`, or convert it to AEM",
         path.display()
     )
+}
+
+// Words of a command line that stand for a value.
+
+/// Returns a reader of words: each has a meaning, which the help states, and a value.
+pub(super) fn one_of<T: Clone + Send + Sync + 'static>(
+    words: &'static [(&'static str, &'static str, T)],
+) -> impl TypedValueParser<Value = T> {
+    let known = words.iter().map(|(word, meaning, _)| match *meaning {
+        "" => PossibleValue::new(*word),
+        meaning => PossibleValue::new(*word).help(meaning),
+    });
+    PossibleValuesParser::new(known).try_map(move |word| {
+        let found = words.iter().find(|(known, ..)| *known == word);
+        found.map(|(.., value)| value.clone()).ok_or("no such word")
+    })
 }
 
 // Folders that a command writes into.

@@ -415,19 +415,14 @@ fn chain_chart(star: &Star) -> Option<Chart> {
     } else {
         series.push(product("product", 0, [1.0, 0.0]));
     }
-    Some(Chart {
-        title: format!("Modulation transfer, {}", star.camera.name),
-        x: Axis::linear("spatial frequency over Nyquist (0.5 cycles/px)"),
-        y: Axis::linear("MTF"),
-        series,
-        ring: String::new(),
-        notes: vec![format!(
-            "Mean wavelength {:.0} nm, f/{:.2}; cutoff {:.2} of Nyquist.",
-            chain.mean_wavelength_nm(),
-            chain.params().f_number,
-            chain.cutoff() / NYQUIST
-        )],
-    })
+    let x = Axis::linear("spatial frequency over Nyquist (0.5 cycles/px)");
+    let title = format!("Modulation transfer, {}", star.camera.name);
+    Some(Chart::new(title, x, Axis::linear("MTF"), series).noted(format!(
+        "Mean wavelength {:.0} nm, f/{:.2}; cutoff {:.2} of Nyquist.",
+        chain.mean_wavelength_nm(),
+        chain.params().f_number,
+        chain.cutoff() / NYQUIST
+    )))
 }
 
 fn star_chart(star: &Star) -> Chart {
@@ -436,20 +431,15 @@ fn star_chart(star: &Star) -> Chart {
     let steps = 48;
     let circles = (0..=steps).map(|i| FURTHEST_PX * f64::from(i) / f64::from(steps));
     let energy = circles.map(|r| [r, if r > 0.0 { energy::seen_encircled_energy(psf, r) } else { 0.0 }]).collect();
-    Chart {
-        title: format!("The star as pixels see it, {}", star.camera.name),
-        x: Axis::linear("distance from the star, px"),
-        y: Axis::linear("share"),
-        series: vec![
-            curve("pixel's share over the largest, along rows", Style::Line, 0, FURTHEST_PX, &|r| {
-                psf.pixel(r, 0.0) / peak
-            }),
-            Series::new("encircled energy", Style::Line, 1, energy),
-            curve("90 %", Style::DashedLine, 2, FURTHEST_PX, &|_| 0.9),
-        ],
-        ring: String::new(),
-        notes: vec![format!("Largest share of a pixel: {peak:.4}.")],
-    }
+    let profile = |r: f64| psf.pixel(r, 0.0) / peak;
+    let series = vec![
+        curve("pixel's share over the largest, along rows", Style::Line, 0, FURTHEST_PX, &profile),
+        Series::new("encircled energy", Style::Line, 1, energy),
+        curve("90 %", Style::DashedLine, 2, FURTHEST_PX, &|_| 0.9),
+    ];
+    let (x, y) = (Axis::linear("distance from the star, px"), Axis::linear("share"));
+    Chart::new(format!("The star as pixels see it, {}", star.camera.name), x, y, series)
+        .noted(format!("Largest share of a pixel: {peak:.4}."))
 }
 
 #[cfg(test)]

@@ -283,23 +283,17 @@ fn chart(camera: &Camera, sensitivity: &Sensitivity, mags: &[f64]) -> Chart {
         Series::new(name, style, group, (0..CURVE_POINTS).map(|i| [at(i), of(at(i))]).collect())
     };
     let level = |snr: f64, group| curve(&format!("SNR {snr}"), Style::DashedLine, group, &|_| snr);
-    Chart {
-        title: format!("Signal-to-noise ratio, {}", camera.name),
-        x: Axis::linear(format!("Gaia G, stars of BP-RP = {}", sensitivity.bp_rp)),
-        y: Axis::log("SNR of one frame"),
-        series: vec![
-            curve("sum over the window", Style::Line, 0, &|mag| sensitivity.terms(mag).snr),
-            curve("optimal weights", Style::Line, 1, &|mag| sensitivity.terms(mag).snr_optimal),
-            curve("the star's photons alone", Style::DashedLine, 2, &|mag| sensitivity.terms(mag).shot_e),
-            level(LIMITS[0], 3),
-            level(LIMITS[1], 4),
-        ],
-        ring: String::new(),
-        notes: vec![format!(
-            "Exposure {} s; window {1} x {1} px; star on the centre of a pixel.",
-            sensitivity.exposure_s, sensitivity.window.side_px
-        )],
-    }
+    let series = vec![
+        curve("sum over the window", Style::Line, 0, &|mag| sensitivity.terms(mag).snr),
+        curve("optimal weights", Style::Line, 1, &|mag| sensitivity.terms(mag).snr_optimal),
+        curve("the star's photons alone", Style::DashedLine, 2, &|mag| sensitivity.terms(mag).shot_e),
+        level(LIMITS[0], 3),
+        level(LIMITS[1], 4),
+    ];
+    let x = Axis::linear(format!("Gaia G, stars of BP-RP = {}", sensitivity.bp_rp));
+    let (exposure_s, side_px) = (sensitivity.exposure_s, sensitivity.window.side_px);
+    Chart::new(format!("Signal-to-noise ratio, {}", camera.name), x, Axis::log("SNR of one frame"), series)
+        .noted(format!("Exposure {exposure_s} s; window {side_px} x {side_px} px; star on the centre of a pixel."))
 }
 
 #[cfg(test)]

@@ -23,33 +23,19 @@ const KEPT_LAST: usize = 300;
 
 /// Returns the text with control characters escaped (line breaks and tabs stay) and long lines shortened.
 pub(super) fn plain_text(text: &str) -> String {
-    let text = without_error_numbers(&without_temporary_names(text));
+    let text = without(text, " at path \"", '"', |path| path.ends_with(".part"));
+    let text = without(&text, " (os error ", ')', |number| number.bytes().all(|byte| byte.is_ascii_digit()));
     text.split('\n').map(|line| shortened(&escaped(line))).collect::<Vec<_>>().join("\n")
 }
 
-/// Returns the text without ` (os error 2)` and the like.
-fn without_error_numbers(text: &str) -> String {
-    const START: &str = " (os error ";
-    let mut pieces = text.split(START);
+/// Returns the text without the parts from `start` to `end` whose inside is to be left out.
+fn without(text: &str, start: &str, end: char, is_left_out: impl Fn(&str) -> bool) -> String {
+    let mut pieces = text.split(start);
     let mut kept = pieces.next().unwrap_or_default().to_owned();
     for piece in pieces {
-        match piece.split_once(')') {
-            Some((number, rest)) if number.bytes().all(|byte| byte.is_ascii_digit()) => kept.push_str(rest),
-            _ => kept.extend([START, piece]),
-        }
-    }
-    kept
-}
-
-/// Returns the text without ` at path ".../.frame.png.A1b2C3.part"`.
-fn without_temporary_names(text: &str) -> String {
-    const START: &str = " at path \"";
-    let mut pieces = text.split(START);
-    let mut kept = pieces.next().unwrap_or_default().to_owned();
-    for piece in pieces {
-        match piece.split_once('"') {
-            Some((path, rest)) if path.ends_with(".part") => kept.push_str(rest),
-            _ => kept.extend([START, piece]),
+        match piece.split_once(end) {
+            Some((inside, rest)) if is_left_out(inside) => kept.push_str(rest),
+            _ => kept.extend([start, piece]),
         }
     }
     kept

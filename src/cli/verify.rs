@@ -1,13 +1,15 @@
 //! `starloop verify`: compares a camera's own frames with its file: photon transfer, and errors by brightness.
 
-use crate::cli::{EXIT_DONE, EXIT_NOT_MET, named::named_camera, report_json::print_json, run::args::BackendName};
+use crate::cli::named::{named_camera, one_of};
+use crate::cli::{EXIT_DONE, EXIT_NOT_MET, report_json::print_json, run::args::BACKENDS};
 use anyhow::{Result, bail};
 use base::image::{DnImage, ElectronImage, Image};
 use base::{accuracy::AccuracyBudget, axes::Rotation, time::Tai};
 use batch::verify::data_sheet::{Comparison, Stated};
-use batch::verify::fidelity::{Fidelity, FidelityRow, Truth};
+use batch::verify::fidelity::{Fidelity, Truth};
 use batch::verify::{DataSheet, Procedure, StarField, characterise, fidelity, table};
 use clap::Args;
+use config::Backend;
 use frames::{report::to_svg, sink::write_file_atomically};
 use image::detector::{Detector, DetectorConditions, DetectorParams, Nonlinearity, Patterns, SpatialParams};
 use plan::exposure::{MethodChoice, Planner};
@@ -48,8 +50,8 @@ pub struct VerifyArgs {
     #[arg(long, default_value_t = 300, value_parser = clap::value_parser!(u32).range(2..=65_536))]
     frames: u32,
     /// Backend that draws the star field; flats are read out by the CPU
-    #[arg(long, value_enum, default_value_t = BackendName::Auto)]
-    backend: BackendName,
+    #[arg(long, value_parser = one_of(BACKENDS), default_value = "auto")]
+    backend: Backend,
     /// Seed of patterns and noise
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -76,76 +78,72 @@ pub fn run(arguments: &VerifyArgs) -> Result<u8> {
     camera.illumination = Illumination::EVEN;
     let sheet = photon_transfer(&camera, arguments.seed);
     let lines = sheet.compare(&Stated::of(&camera.detector, camera.exposure_s));
-    let (measured, backend) = stars(&camera, arguments)?;
+    let (stars, backend) = stars(&camera, arguments)?;
+    let verified = Verified { camera, sheet, lines, off, stars, backend };
     if arguments.json {
-        print_json("verify", facts(&camera, &sheet, &lines, &off, &measured, backend))?;
+        print_json("verify", verified.facts())?;
     } else {
-        print_tables(&camera, &sheet, &lines, &off, &measured, backend);
+        verified.print();
     }
     if let Some(path) = &arguments.plot {
-        let text = to_svg(&sheet.chart(&camera.name));
+        let text = to_svg(&verified.sheet.chart(&verified.camera.name));
         write_file_atomically(path, |out| out.write_all(text.as_bytes()))?;
     }
-    Ok(if lines.iter().all(|line| line.holds()) { EXIT_DONE } else { EXIT_NOT_MET })
+    Ok(if verified.holds() { EXIT_DONE } else { EXIT_NOT_MET })
 }
 
-/// Prints both tables for people.
-fn print_tables(
-    camera: &CameraParams,
-    sheet: &DataSheet,
-    lines: &[Comparison],
-    off: &[&str],
-    measured: &Fidelity,
-    backend: &str,
-) {
-    println!("\"{}\": photon transfer from flats of {FLAT_PX} x {FLAT_PX} px", camera.name);
-    print!("{}", table::data_sheet(lines));
-    for what in off {
-        println!("  switched off for the measurement: {what}");
+/// Everything that was found about a camera.
+struct Verified {
+    camera: CameraParams,
+    sheet: DataSheet,
+    lines: [Comparison; 8],
+    off: Vec<&'static str>,
+    stars: Fidelity,
+    backend: &'static str,
+}
+
+impl Verified {
+    fn holds(&self) -> bool {
+        self.lines.iter().all(Comparison::holds)
     }
-    println!(
-        "  largest deviation from a straight line, 5 to 95 % of saturation: {:.3} %\n",
-        100.0 * sheet.linearity_error
-    );
-    let mag_of =
-        |electrons| camera.radiometry.mag_g_of_electrons(electrons, 0.0, camera.exposure_s).unwrap_or(f64::NAN);
-    println!("errors by brightness, {} frames, {backend} backend", measured.frames);
-    print!("{}", table::fidelity(measured, mag_of));
-}
 
-/// Returns both tables as JSON.
-fn facts(
-    camera: &CameraParams,
-    sheet: &DataSheet,
-    lines: &[Comparison],
-    off: &[&str],
-    measured: &Fidelity,
-    backend: &str,
-) -> serde_json::Value {
-    let line = |line: &Comparison| {
+    /// Prints both tables for people.
+    fn print(&self) {
+        let Self { camera, sheet, lines, off, stars, backend } = self;
+        println!("\"{}\": photon transfer from flats of {FLAT_PX} x {FLAT_PX} px", camera.name);
+        print!("{}", table::data_sheet(lines));
+        for what in off {
+            println!("  switched off for the measurement: {what}");
+        }
+        println!(
+            "  largest deviation from a straight line, 5 to 95 % of saturation: {:.3} %\n",
+            100.0 * sheet.linearity_error
+        );
+        let mag_of =
+            |electrons| camera.radiometry.mag_g_of_electrons(electrons, 0.0, camera.exposure_s).unwrap_or(f64::NAN);
+        println!("errors by brightness, {} frames, {backend} backend", stars.frames);
+        print!("{}", table::fidelity(stars, mag_of));
+    }
+
+    /// Returns both tables as JSON.
+    fn facts(&self) -> serde_json::Value {
+        let line = |line: &Comparison| {
+            serde_json::json!({
+                "name": line.name, "unit": line.unit, "file": line.file, "measured": line.measured, "error": line.error(),
+                "most": line.most, "standard_error": line.se, "holds": line.holds(),
+            })
+        };
         serde_json::json!({
-            "name": line.name, "unit": line.unit, "file": line.file, "measured": line.measured, "error": line.error(),
-            "most": line.most, "standard_error": line.se, "holds": line.holds(),
+            "camera": self.camera.name.to_string(),
+            "holds": self.holds(),
+            "data_sheet": self.lines.iter().map(line).collect::<Vec<_>>(),
+            "switched_off": self.off,
+            "linearity_error": self.sheet.linearity_error,
+            "frames": self.stars.frames,
+            "backend": self.backend,
+            "stars": self.stars.rows,
         })
-    };
-    let row = |row: &FidelityRow| {
-        serde_json::json!({
-            "electrons": row.electrons, "stars": row.stars, "snr": row.snr, "snr_error": row.snr_error,
-            "centroid_bias_px": row.centroid_bias_px, "centroid_bias_standard_error_px": row.centroid_bias_se_px,
-            "scatter_px": row.scatter_px, "scatter_error": row.scatter_error, "energy": row.energy,
-            "energy_error": row.energy_error,
-        })
-    };
-    serde_json::json!({
-        "camera": camera.name.to_string(),
-        "holds": lines.iter().all(Comparison::holds),
-        "data_sheet": lines.iter().map(line).collect::<Vec<_>>(),
-        "switched_off": off,
-        "linearity_error": sheet.linearity_error,
-        "frames": measured.frames,
-        "backend": backend,
-        "stars": measured.rows.iter().map(row).collect::<Vec<_>>(),
-    })
+    }
 }
 
 /// Returns the detector's data sheet.
@@ -186,7 +184,7 @@ fn stars(camera: &CameraParams, arguments: &VerifyArgs) -> Result<(Fidelity, &'s
     let detector = camera.make_detector(arguments.seed)?;
     let truth = Truth::of(&detector, camera.psf.clone(), camera.exposure_s);
     let field = StarField::new(size_px, brightnesses(camera, &truth), 21);
-    let backend = arguments.backend.configured();
+    let backend = arguments.backend;
     let mut imager = Imager::of_detector(backend, detector)?;
     let los = LosPath::commanded(Rotation::IDENTITY, Tai::from_ns(0), camera.exposure_s);
     let mut planner =

@@ -53,7 +53,7 @@ impl Session {
         let end = || {
             let session = self.going.lock().unwrap_or_else(PoisonError::into_inner).take().ok_or("the run is over")?;
             let (scenario, end) = session.end();
-            let report = ScenarioReport::of(&scenario, &end.view(), 0.0);
+            let report = ScenarioReport::of(&scenario, &end.view(), 0.0, None);
             Ok::<_, String>((json!(report).to_string(), end.verdict().word == RunWord::Ok))
         };
         py.detach(end).map_err(refused)
@@ -75,5 +75,5 @@ fn assembled(path: &str, settings: &[String], seed: Option<u64>) -> Result<Local
 
 /// Returns the report of a run under way.
 fn reported(scenario: &Scenario, view: &LoopView<'_>) -> Value {
-    json!(ScenarioReport::of(scenario, view, 0.0))
+    json!(ScenarioReport::of(scenario, view, 0.0, None))
 }

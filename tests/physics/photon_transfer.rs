@@ -4,7 +4,7 @@
 //! DSNU, PRNU and full well within [`SHEET_REL`] of the file, dark current within [`DARK_REL`].
 
 use base::image::{DnImage, ElectronImage, Image};
-use batch::verify::data_sheet::{Stated, response_error};
+use batch::verify::data_sheet::{LightPoint, Stated};
 use batch::verify::{DataSheet, Flat, Procedure, characterise};
 use config::{Camera, Document};
 use image::detector::{DarkLaw, Detector, DetectorConditions, DetectorParams, LinePattern, Nonlinearity, RowNoise};
@@ -45,6 +45,15 @@ fn disagreements(sheet: &DataSheet, file: &DetectorParams, exposure_s: f64) -> V
     assert!(lines.iter().all(|line| line.most <= if line.name == "dark current" { DARK_REL } else { SHEET_REL }));
     let off = lines.iter().filter(|line| !line.holds());
     off.map(|line| format!("{}: {} for {}", line.name, line.measured, line.file)).collect()
+}
+
+/// Returns the largest relative difference between the measured response and the one stated by a file, from 5 to 95 %
+/// of saturation. Both are relative to their own slope at the first point of that range.
+fn response_error(points: &[LightPoint], saturation_e: f64, seen_e: impl Fn(f64) -> f64) -> f64 {
+    let judged = points.iter().filter(|p| (0.05..=0.95).contains(&(p.light_e / saturation_e)));
+    let ratio = |p: &LightPoint| p.signal_dn / seen_e(p.light_e);
+    let first = judged.clone().next().map_or(f64::NAN, ratio);
+    judged.map(|p| (ratio(p) / first - 1.0).abs()).fold(0.0, f64::max)
 }
 
 #[test]

@@ -53,7 +53,7 @@ fn text(report: &Report) -> String {
     let mut text =
         format!("starloop {} ({}), {}, features: {features}\n\n", report.version, report.commit, report.target);
     for Finding { name, state, found, advice } in &report.findings {
-        text += &format!("{:<8} {name:<19} {found}\n", state.word());
+        text += &format!("{:<8} {name:<19} {found}\n", state.name());
         if let Some(advice) = advice {
             text += &format!("{:>29}{advice}\n", "-> ");
         }
@@ -70,26 +70,17 @@ fn text(report: &Report) -> String {
 
 // One thing that `starloop doctor` looked for: whether it is there, and what to do where it is not.
 
-/// Whether something is there.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum State {
-    /// It is there and may be used.
-    Ready,
-    /// It is there, but not as good as it could be.
-    Limited,
-    /// It is not there.
-    Missing,
-}
-
-impl State {
-    /// Returns its word in the report.
-    pub(crate) fn word(self) -> &'static str {
-        match self {
-            Self::Ready => "ready",
-            Self::Limited => "limited",
-            Self::Missing => "missing",
-        }
+base::words! {
+    /// Whether something is there.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+    #[serde(rename_all = "snake_case")]
+    pub(crate) enum State {
+        /// It is there and may be used.
+        Ready = "ready",
+        /// It is there, but not as good as it could be.
+        Limited = "limited",
+        /// It is not there.
+        Missing = "missing",
     }
 }
 

@@ -4,17 +4,19 @@ pub mod input;
 pub mod output;
 
 use crate::cli::check::camera::{left_out, seen_mag};
-use crate::cli::named::{KernelArgs, declination_deg, drawn_text, named_camera, right_ascension_deg, warn_of_wcs};
+use crate::cli::named::{
+    KernelArgs, declination_deg, drawn_text, named_camera, one_of, right_ascension_deg, warn_of_wcs,
+};
 use crate::cli::render::input::{Series, four, numbered, read_los, read_los_samples, read_sources, three};
 use crate::cli::render::output::{Format, WrittenImage, format_of, write_dn, write_electrons, write_truth};
-use crate::cli::{frame_plan::over_budget_text, report_json::print_json, run::args::BackendName};
+use crate::cli::{frame_plan::over_budget_text, report_json::print_json, run::args::BACKENDS};
 use anyhow::{Context, Result, bail};
 use base::axes::{Icrf, Rotation, Sensor, WRITTEN_NORM_TOLERANCE, sensor_from_ra_dec_roll};
 use base::least_squares::median;
 use base::time::{Span, Tai};
 use batch::still::{DEFAULT_TIME, MOST_DEG_PER_S, Still, StillParams, still_fault};
 use clap::{Args, ValueEnum};
-use config::{Bench, Document, Scenario, StartTime};
+use config::{Backend, Bench, Document, Scenario, StartTime};
 use frames::report::Stage;
 use frames::sink::{FrameFault, SentFrame};
 use glam::DVec3;
@@ -82,8 +84,8 @@ pub struct RenderArgs {
     #[arg(long, value_enum, default_value_t = StageName::Dn)]
     stage: StageName,
     /// Backend
-    #[arg(long, value_enum, default_value_t = BackendName::Auto)]
-    backend: BackendName,
+    #[arg(long, value_parser = one_of(BACKENDS), default_value = "auto")]
+    backend: Backend,
     /// Method for motion: auto, static, gaussian, gauss-legendre[:N], segments[:N], corners[:N], samples[:N],
     /// effective-psf[:N], zonal-psf[:N]
     #[arg(long, value_name = "NAME", default_value = "auto")]
@@ -129,7 +131,7 @@ pub fn run(arguments: &RenderArgs) -> Result<()> {
     let format = format_of(&arguments.out)?;
     let bench = arguments.bench()?;
     let layers_mb = (!bench.layers.is_empty()).then_some(bench.star_memory_mb);
-    RunMemory::of_image(&bench.camera, arguments.backend == BackendName::Reference, layers_mb).check()?;
+    RunMemory::of_image(&bench.camera, arguments.backend == Backend::Reference, layers_mb).check()?;
     let time = arguments.time(&bench)?;
     let read = |path| Series::read(path, &arguments.kernels, time, arguments.every);
     let series = arguments.attitudes.as_deref().map(read).transpose()?;
@@ -164,16 +166,16 @@ pub fn run(arguments: &RenderArgs) -> Result<()> {
 fn draw_all(arguments: &RenderArgs, scene: &mut Scene, series: &Series, format: Format) -> Result<()> {
     for number in 0..series.len() {
         scene.aim(series, number)?;
-        scene.draw(arguments.stage())?;
+        scene.draw(arguments.stage)?;
         scene.warn_of_error();
-        let path = numbered(arguments.out(), number)?;
-        scene.write(&path, arguments.stage(), format)?;
+        let path = numbered(&arguments.out, number)?;
+        scene.write(&path, arguments.stage, format)?;
         write_truth(&path.with_extension("truth.csv"), scene.frame())?;
     }
     println!(
         "{} images, the last {}",
         series.len(),
-        numbered(arguments.out(), series.len().saturating_sub(1))?.display()
+        numbered(&arguments.out, series.len().saturating_sub(1))?.display()
     );
     Ok(())
 }
@@ -193,7 +195,7 @@ impl RenderArgs {
         if !self.layers.is_empty() {
             bench.layers.clone_from(&self.layers);
         }
-        (bench.render.backend, bench.render.method) = (self.backend.configured(), self.method);
+        (bench.render.backend, bench.render.method) = (self.backend, self.method);
         let seed = self.seed.unwrap_or(if self.bench.is_some() { bench.seed } else { 1 });
         let noise_seed = self.noise_seed.or(bench.noise_seed_given.filter(|_| self.seed.is_none()));
         (bench.seed, bench.noise_seed_given) = (seed, Some(noise_seed.unwrap_or(seed)));
@@ -208,16 +210,6 @@ impl RenderArgs {
             (None, Some(_), StartTime::Now) => bail!("--time: the bench starts now; give the instant of the image"),
             (None, None, _) => Tai::from_rfc3339(DEFAULT_TIME).map_err(anyhow::Error::msg),
         }
-    }
-
-    /// Returns what is written.
-    fn stage(&self) -> StageName {
-        self.stage
-    }
-
-    /// Returns the image to write.
-    fn out(&self) -> &Path {
-        &self.out
     }
 }
 

@@ -1,10 +1,12 @@
 //! The command line of `starloop run`.
 
+use crate::cli::named::one_of;
 use clap::{Args, ValueEnum};
-use config::{self, Bench};
+use config::{Backend, Bench};
 use frames::sink::RecorderOptions;
 use link::{capture::CaptureFormat, gateway::TcpAddress};
-use run::wiring::{control::ControlAddress, run_clock::RunClockKind};
+use run::wiring::control::ControlAddress;
+pub(crate) use run::wiring::run_clock::RunClockKind as ClockKind;
 use std::path::PathBuf;
 
 /// Command line of `run`.
@@ -13,14 +15,14 @@ pub struct RunArgs {
     /// Bench or scenario file (TOML); without one: the built-in loopback bench
     pub(crate) bench: Option<PathBuf>,
     /// Which clock: `real` is the bench, `virtual` runs as fast as the machine allows and repeats bit for bit
-    #[arg(long, value_enum, default_value_t = ClockKind::Real)]
+    #[arg(long, value_parser = one_of(CLOCKS), default_value = "real")]
     pub(crate) clock: ClockKind,
     /// Run for this many seconds instead of the bench's duration
     #[arg(long, value_name = "S")]
     pub(crate) duration: Option<f64>,
     /// Draw with this backend instead of the bench's
-    #[arg(long, value_enum)]
-    pub(crate) backend: Option<BackendName>,
+    #[arg(long, value_parser = one_of(BACKENDS))]
+    pub(crate) backend: Option<Backend>,
     /// Seed of the run instead of the bench's: the sensor's patterns, and all that has no seed of its own
     #[arg(long)]
     pub(crate) seed: Option<u64>,
@@ -63,8 +65,8 @@ pub struct RunArgs {
     #[arg(long, value_name = "DIR")]
     pub(crate) capture: Option<PathBuf>,
     /// Form of the captured packets: pcapng holds CAN and serial, candump is text and holds CAN only
-    #[arg(long, value_enum, default_value_t = CaptureFormatName::Pcapng)]
-    pub(crate) capture_format: CaptureFormatName,
+    #[arg(long, value_parser = one_of(CAPTURES), default_value = "pcapng")]
+    pub(crate) capture_format: CaptureFormat,
     /// Serve a page with the newest frames and the run's numbers, and /metrics for Prometheus: a port on loopback, or
     /// ADDRESS:PORT; port 0 takes a free one
     #[arg(long, value_name = "ADDRESS")]
@@ -95,66 +97,23 @@ impl RunArgs {
     }
 }
 
-/// A clock, by name.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
-pub(crate) enum ClockKind {
-    /// Wall time.
-    #[default]
-    Real,
-    /// Simulated time.
-    Virtual,
-}
+/// Clocks, by name.
+const CLOCKS: &[(&str, &str, ClockKind)] =
+    &[("real", "Wall time", ClockKind::Real), ("virtual", "Simulated time", ClockKind::Virtual)];
 
-impl ClockKind {
-    /// Returns the library's word for it.
-    pub(crate) fn kind(self) -> RunClockKind {
-        match self {
-            Self::Real => RunClockKind::Real,
-            Self::Virtual => RunClockKind::Virtual,
-        }
-    }
+/// Forms of captured packets, by name.
+const CAPTURES: &[(&str, &str, CaptureFormat)] = &[
+    ("pcapng", "Packets for Wireshark and tshark, exact to the bit", CaptureFormat::Pcapng),
+    ("candump", "Text for can-utils and python-can", CaptureFormat::Candump),
+];
 
-    /// Returns its name in summaries.
-    pub(crate) fn summary_name(self) -> &'static str {
-        match self {
-            Self::Real => "monotonic",
-            Self::Virtual => "virtual",
-        }
-    }
-}
-
-/// A form of captured packets, by name.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
-pub(crate) enum CaptureFormatName {
-    /// Packets for Wireshark and tshark, exact to the bit
-    #[default]
-    Pcapng,
-    /// Text for can-utils and python-can
-    Candump,
-}
-
-impl CaptureFormatName {
-    /// Returns the library's word for it.
-    pub(crate) fn format(self) -> CaptureFormat {
-        match self {
-            Self::Pcapng => CaptureFormat::Pcapng,
-            Self::Candump => CaptureFormat::Candump,
-        }
-    }
-}
-
-/// A backend, by name.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum BackendName {
-    /// A hardware GPU when there is one, else the CPU
-    Auto,
-    /// The GPU (software Vulkan counts), or an error
-    Gpu,
-    /// All CPU cores
-    Cpu,
-    /// f64, slow, the truth
-    Reference,
-}
+/// Backends: their words, what they are.
+pub(crate) const BACKENDS: &[(&str, &str, Backend)] = &[
+    ("auto", "A hardware GPU when there is one, else the CPU", Backend::Auto),
+    ("gpu", "The GPU (software Vulkan counts), or an error", Backend::Gpu),
+    ("cpu", "All CPU cores", Backend::Cpu),
+    ("reference", "f64, slow, the truth", Backend::Reference),
+];
 
 /// A sink, by name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -163,16 +122,4 @@ pub(crate) enum SinkKind {
     Recorder,
     /// Nothing is kept: timing only
     Null,
-}
-
-impl BackendName {
-    /// Returns the config's word for it.
-    pub fn configured(self) -> config::Backend {
-        match self {
-            Self::Auto => config::Backend::Auto,
-            Self::Gpu => config::Backend::Gpu,
-            Self::Cpu => config::Backend::Cpu,
-            Self::Reference => config::Backend::Reference,
-        }
-    }
 }

@@ -84,7 +84,7 @@ pub(crate) fn control_stepped(
     let refusals = session.refusals().clone();
     let watch = Stopwatch::start();
     let mut report = |view: &LoopView<'_>| {
-        let report = ScenarioReport::of(&scenario, view, watch.elapsed().s()).with_control(Some(&refusals));
+        let report = ScenarioReport::of(&scenario, view, watch.elapsed().s(), Some(&refusals));
         serde_json::to_value(report).unwrap_or_default()
     };
     let newest = &mut NewestFrames::new(scenario.bench.head_count(), output);

@@ -10,7 +10,7 @@ use crate::cli::{EXIT_DONE, EXIT_FAILED, EXIT_INCOMPLETE, EXIT_LOST, EXIT_NOT_ME
 use crate::cli::{report_json::print_json, run::connection_hint, run::control::Client, terminal::plain_text};
 use anyhow::{Context, Result};
 use base::xml::escaped;
-use frames::report::{Losses, RunSummary, RunVerdict, RunWord, short_table, summary_table};
+use frames::report::{Losses, RunSummary, RunVerdict, RunWord, junit, short_table, summary_table};
 use frames::sink::replace_own_file;
 use run::wiring::assessment::Verdict;
 
@@ -33,9 +33,8 @@ impl Finished {
             || !self.end.faults.is_empty()
             || !self.end.assessment.verdicts(None, &self.end.record).is_empty();
         is_judged.then(|| {
-            ScenarioReport::of(&self.scenario, &self.end.view(), self.wall_s)
-                .ended(&self.end.sink_lines, &self.end.losses)
-                .with_control(self.client.as_ref().map(Client::refusals))
+            let (end, refusals) = (&self.end, self.client.as_ref().map(Client::refusals));
+            ScenarioReport::of(&self.scenario, &end.view(), self.wall_s, refusals).ended(&end.sink_lines, &end.losses)
         })
     }
 
@@ -190,21 +189,11 @@ fn expectation(one: &Verdict) -> (String, Option<String>) {
 }
 
 fn document(name: &str, cases: &[(String, Option<String>)], wall_s: f64) -> String {
-    let failures = cases.iter().filter(|(_, failure)| failure.is_some()).count();
-    let mut text = format!(
-        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuites>\n<testsuite name=\"{}\" tests=\"{}\" failures=\"{failures}\" \
-         errors=\"0\" skipped=\"0\" time=\"{wall_s:.3}\">\n",
-        escaped(name),
-        cases.len()
-    );
-    for (case, failure) in cases {
-        let head = format!("<testcase classname=\"run\" name=\"{}\"", escaped(case));
-        text += &match failure {
-            None => format!("{head}/>\n"),
-            Some(failure) => format!("{head}><failure message=\"{}\"/></testcase>\n", escaped(failure)),
-        };
-    }
-    text + "</testsuite>\n</testsuites>\n"
+    let case = |(case, failure): &(String, Option<String>)| {
+        let failure = failure.as_ref().map(|failure| format!("<failure message=\"{}\"/>", escaped(failure)));
+        (format!("classname=\"run\" name=\"{}\"", escaped(case)), failure.unwrap_or_default())
+    };
+    junit::document(name, Some(wall_s), &cases.iter().map(case).collect::<Vec<_>>())
 }
 
 #[cfg(test)]

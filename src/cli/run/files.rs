@@ -110,67 +110,54 @@ pub(crate) fn telemetry_file(directory: &Path, zero: Tai) -> Result<(TelemetryFi
 
 fn telemetry_into(out: Box<dyn Write + Send>, path: PathBuf, zero: Tai) -> Result<(TelemetryFile, OnRow)> {
     let mut out = csv::Writer::from_writer(out);
-    out.write_record(COLUMNS)?;
+    out.write_record(COLUMNS.map(|(name, _)| name))?;
     let rows = Arc::new(Mutex::new(Rows { out, failure: None, plot: TelemetryPlot::new(zero) }));
     let shared = Arc::clone(&rows);
     let on_row = move |row: &TelemetryRow| {
         let mut rows = shared.lock().unwrap_or_else(PoisonError::into_inner);
         rows.plot.take(row);
-        if let Err(error) = rows.out.write_record(cells(row, zero)) {
+        if let Err(error) = rows.out.write_record(COLUMNS.map(|(_, cell)| cell(row, zero))) {
             rows.failure.get_or_insert(error);
         }
     };
     Ok((TelemetryFile { rows, path }, Box::new(on_row)))
 }
 
+/// A column: its name, and the cell of a row of a run whose first exposure is at an instant.
+type Column = (&'static str, fn(&TelemetryRow, Tai) -> String);
+
 /// Columns of `telemetry.csv`; angles are rotation vectors in body axes.
-const COLUMNS: [&str; 26] = [
-    "t_s",
-    "mode",
-    "pointing_x_arcsec",
-    "pointing_y_arcsec",
-    "pointing_z_arcsec",
-    "knowledge_x_arcsec",
-    "knowledge_y_arcsec",
-    "knowledge_z_arcsec",
-    "sigma_arcsec",
-    "rate_x_arcsec_s",
-    "rate_y_arcsec_s",
-    "rate_z_arcsec_s",
-    "bias_error_x_arcsec_s",
-    "bias_error_y_arcsec_s",
-    "bias_error_z_arcsec_s",
-    "torque_x_n_m",
-    "torque_y_n_m",
-    "torque_z_n_m",
-    "vibration_arcsec",
-    "wheel_speed_rad_s",
-    "wheel_momentum_n_m_s",
-    "heads_solved",
-    "no_solution",
-    "stars",
-    "sun_angle_deg",
-    "utc",
+const COLUMNS: [Column; 26] = [
+    ("t_s", |row, zero| format!("{:.3}", (row.at - zero).s())),
+    ("mode", |row, _| mode_name(row.mode).to_owned()),
+    ("pointing_x_arcsec", |row, _| arcsec(row.pointing_error_rad.x)),
+    ("pointing_y_arcsec", |row, _| arcsec(row.pointing_error_rad.y)),
+    ("pointing_z_arcsec", |row, _| arcsec(row.pointing_error_rad.z)),
+    ("knowledge_x_arcsec", |row, _| row.knowledge_error_rad.map(|error| arcsec(error.x)).unwrap_or_default()),
+    ("knowledge_y_arcsec", |row, _| row.knowledge_error_rad.map(|error| arcsec(error.y)).unwrap_or_default()),
+    ("knowledge_z_arcsec", |row, _| row.knowledge_error_rad.map(|error| arcsec(error.z)).unwrap_or_default()),
+    ("sigma_arcsec", |row, _| arcsec(row.sigma_rad)),
+    ("rate_x_arcsec_s", |row, _| arcsec(row.rate_rad_s.x)),
+    ("rate_y_arcsec_s", |row, _| arcsec(row.rate_rad_s.y)),
+    ("rate_z_arcsec_s", |row, _| arcsec(row.rate_rad_s.z)),
+    ("bias_error_x_arcsec_s", |row, _| arcsec(row.bias_error_rad_s.x)),
+    ("bias_error_y_arcsec_s", |row, _| arcsec(row.bias_error_rad_s.y)),
+    ("bias_error_z_arcsec_s", |row, _| arcsec(row.bias_error_rad_s.z)),
+    ("torque_x_n_m", |row, _| format!("{:.9}", row.torque_n_m.x)),
+    ("torque_y_n_m", |row, _| format!("{:.9}", row.torque_n_m.y)),
+    ("torque_z_n_m", |row, _| format!("{:.9}", row.torque_n_m.z)),
+    ("vibration_arcsec", |row, _| arcsec(row.vibration_rad)),
+    ("wheel_speed_rad_s", |row, _| format!("{:.6}", row.wheel_speed_rad_s)),
+    ("wheel_momentum_n_m_s", |row, _| format!("{:.9}", row.wheel_momentum_n_m_s)),
+    ("heads_solved", |row, _| row.heads_solved.to_string()),
+    ("no_solution", |row, _| row.no_solution.map(|reason| format!("{reason:?}")).unwrap_or_default()),
+    ("stars", |row, _| row.stars.to_string()),
+    ("sun_angle_deg", |row, _| row.sun_angle_rad.map(|angle| format!("{:.6}", angle.to_degrees())).unwrap_or_default()),
+    ("utc", |row, _| row.at.to_rfc3339()),
 ];
 
-fn cells(row: &TelemetryRow, zero: Tai) -> Vec<String> {
-    let mut cells = vec![format!("{:.3}", (row.at - zero).s()), mode_name(row.mode).to_owned()];
-    let arcsec = |v: glam::DVec3| v.to_array().map(|x| format!("{:.6}", x / ARCSEC));
-    cells.extend(arcsec(row.pointing_error_rad));
-    cells.extend(row.knowledge_error_rad.map_or([const { String::new() }; 3], arcsec));
-    cells.push(format!("{:.6}", row.sigma_rad / ARCSEC));
-    cells.extend(arcsec(row.rate_rad_s));
-    cells.extend(arcsec(row.bias_error_rad_s));
-    cells.extend(row.torque_n_m.to_array().map(|x| format!("{x:.9}")));
-    cells.push(format!("{:.6}", row.vibration_rad / ARCSEC));
-    cells.push(format!("{:.6}", row.wheel_speed_rad_s));
-    cells.push(format!("{:.9}", row.wheel_momentum_n_m_s));
-    cells.push(row.heads_solved.to_string());
-    cells.push(row.no_solution.map_or_else(String::new, |reason| format!("{reason:?}")));
-    cells.push(row.stars.to_string());
-    cells.push(row.sun_angle_rad.map_or_else(String::new, |angle| format!("{:.6}", angle.to_degrees())));
-    cells.push(row.at.to_rfc3339());
-    cells
+fn arcsec(rad: f64) -> String {
+    format!("{:.6}", rad / ARCSEC)
 }
 
 // `telemetry.svg`: pointing and knowledge of a flight over time, as people look at it.
@@ -237,19 +224,14 @@ impl TelemetryPlot {
             Series::new(label, Style::Line, group, self.bins.iter().enumerate().filter_map(point).collect())
         };
         let reported: Vec<String> = self.modes.iter().take(8).map(|(t_s, mode)| format!("{t_s:.0} s {mode}")).collect();
-        let chart = Chart {
-            title: title.into(),
-            x: Axis::linear("time after the first exposure, s"),
-            y: Axis::log("angle, arcsec (largest of each stretch)"),
-            series: vec![
-                line("true attitude to target", 0, 0),
-                line("true attitude to estimate", 1, 1),
-                line("sigma of the estimate", 2, 2),
-            ],
-            ring: String::new(),
-            notes: vec![format!("modes: {}", reported.join(", "))],
-        };
-        to_svg(&chart)
+        let series = vec![
+            line("true attitude to target", 0, 0),
+            line("true attitude to estimate", 1, 1),
+            line("sigma of the estimate", 2, 2),
+        ];
+        let x = Axis::linear("time after the first exposure, s");
+        let y = Axis::log("angle, arcsec (largest of each stretch)");
+        to_svg(&Chart::new(title, x, y, series).noted(format!("modes: {}", reported.join(", "))))
     }
 }
 

@@ -35,7 +35,10 @@ impl Finished {
         let mut summary = self.end.summary();
         summary.bench.clone_from(&self.scenario.name);
         summary.wall_s = self.wall_s;
-        summary.clock = clock.summary_name().into();
+        summary.clock = match clock {
+            ClockKind::Real => "monotonic".into(),
+            ClockKind::Virtual => "virtual".into(),
+        };
         summary
     }
 }

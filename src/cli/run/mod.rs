@@ -9,7 +9,7 @@ mod page;
 mod page_parts;
 pub mod report;
 
-use crate::cli::run::args::{CaptureFormatName, ClockKind, RunArgs};
+use crate::cli::run::args::{ClockKind, RunArgs};
 use crate::cli::run::control::{Client, Controlled, control_steered, control_stepped, listen, steering};
 use crate::cli::run::files::{TelemetryFile, telemetry_file};
 use crate::cli::terminal::{Monitor, sender};
@@ -24,7 +24,7 @@ use batch::campaign::{check_time_for_faults, episode_scenario};
 use config::{Bench, Carrier, Document, Link, Scenario, Setting};
 use core::sync::atomic::Ordering;
 use frames::report::{HygieneLine, RunSummary};
-use link::WireFormat;
+use link::{WireFormat, capture::CaptureFormat};
 use run::runtime::{Hygiene, HygieneParams, Imager};
 use run::wiring::assemble::{Outputs, Run, RunOptions};
 use run::wiring::memory::{RunForm, RunMemory};
@@ -94,7 +94,7 @@ pub(crate) fn perform(arguments: &RunArgs) -> Result<Finished> {
     let mut costs = |imager: &Imager| costs_here(imager, arguments.built_in_costs).measured;
     let capture = arguments.capture.as_ref().map(|directory| CaptureOptions {
         directory: directory.clone(),
-        format: arguments.capture_format.format(),
+        format: arguments.capture_format,
         document: &document,
         settings: &arguments.settings,
     });
@@ -104,7 +104,7 @@ pub(crate) fn perform(arguments: &RunArgs) -> Result<Finished> {
         .map(|address| LiveOptions { address: address.socket(), names: arguments.monitor_names.clone() });
     let steering = listener.as_ref().filter(|_| is_real).map(|_| steering(&scenario, directory.as_deref()));
     let options = RunOptions {
-        clock: arguments.clock.kind(),
+        clock: arguments.clock,
         outputs: Outputs::Configured { sinks: &sinks, directory: directory.clone() },
         costs: Some(&mut costs),
         hygiene,
@@ -166,7 +166,7 @@ fn say_left_out(scenario: &Scenario) {
 /// Refuses a form of capture that cannot hold the run's packets.
 fn check_capture(arguments: &RunArgs, scenario: &Scenario) -> Result<()> {
     let mut links = core::iter::once(&scenario.bench.link).chain(&scenario.bench.extra_links);
-    let is_candump = arguments.capture.is_some() && arguments.capture_format == CaptureFormatName::Candump;
+    let is_candump = arguments.capture.is_some() && arguments.capture_format == CaptureFormat::Candump;
     if is_candump && links.any(|link| matches!(link.wire, WireFormat::Serial | WireFormat::Plain)) {
         bail!(
             "--capture-format candump: got a bench with a serial line or a plain link; wanted pcapng: a candump log holds CAN only"
@@ -302,7 +302,7 @@ pub(crate) fn input(arguments: &RunArgs) -> Result<RunInput> {
 
 fn change_bench(bench: &mut Bench, arguments: &RunArgs) {
     if let Some(backend) = arguments.backend {
-        bench.render.backend = backend.configured();
+        bench.render.backend = backend;
     }
     bench.seed = arguments.seed.unwrap_or(bench.seed);
     bench.noise_seed_given = arguments.noise_seed.or(bench.noise_seed_given);

@@ -57,20 +57,17 @@ fn with_samples(
 fn write_what_ran(page: &mut Page, finished: &Finished, clock: ClockKind) {
     let summary = finished.summary(clock);
     page.heading("What ran");
-    page.table(&["what", "value"]);
-    page.row(&["run".into(), summary.bench]);
-    page.row(&["camera".into(), summary.camera]);
-    page.row(&["backend".into(), format!("{} ({})", summary.backend, summary.adapter)]);
-    page.row(&["first slot".into(), summary.start_utc]);
     let (simulated_s, wall_s) = (finished.end.simulated_s, finished.wall_s);
-    let period_ms = 1e3 * summary.frame_period_s;
-    page.row(&[
-        "time".into(),
-        format!("{simulated_s:.3} s on the {} clock in {wall_s:.3} s; a frame every {period_ms:.3} ms", summary.clock),
+    let (clock, period_ms) = (summary.clock, 1e3 * summary.frame_period_s);
+    page.values([
+        ("run", summary.bench),
+        ("camera", summary.camera),
+        ("backend", format!("{} ({})", summary.backend, summary.adapter)),
+        ("first slot", summary.start_utc),
+        ("time", format!("{simulated_s:.3} s on the {clock} clock in {wall_s:.3} s; a frame every {period_ms:.3} ms")),
+        ("seeds", format!("{} of the run, {} of the noise", summary.seed, summary.noise_seed)),
+        ("CRC-32 of the frames", summary.run_crc32),
     ]);
-    page.row(&["seeds".into(), format!("{} of the run, {} of the noise", summary.seed, summary.noise_seed)]);
-    page.row(&["CRC-32 of the frames".into(), summary.run_crc32]);
-    page.end_table();
 }
 
 fn write_verdicts(page: &mut Page, report: Option<&ScenarioReport>) {
@@ -227,31 +224,13 @@ fn write_samples(page: &mut Page, samples: Option<&[Sample]>) {
 }
 
 fn write_provenance(page: &mut Page, finished: &Finished) {
-    page.heading("Provenance");
     let text =
         finished.directory.as_ref().and_then(|folder| read_bytes(&folder.join(provenance::FILE), DATA_BYTES).ok());
-    let Some(from) = text.and_then(|text| serde_json::from_slice::<Provenance>(&text).ok()) else {
-        page.paragraph("provenance.json could not be read.");
-        return;
-    };
-    let joined = |pairs: Vec<String>| pairs.join(", ");
-    page.table(&["what", "value"]);
-    page.row(&["command line".into(), from.command_line.join(" ")]);
-    page.row(&["starloop".into(), format!("{}, SHA-256 {}", from.program_version, from.program_sha256)]);
-    page.row(&["made".into(), from.made_utc.clone()]);
-    page.row(&["machine".into(), format!("{}, {}, {}", from.host, from.cpu, from.system)]);
-    page.row(&["seeds".into(), joined(from.seeds.iter().map(|(name, seed)| format!("{name} {seed}")).collect())]);
-    page.row(&[
-        "catalogs".into(),
-        joined(from.catalogs.iter().map(|(name, what)| format!("{name}: {what}")).collect()),
-    ]);
-    page.end_table();
-    page.table(&["file as used", "bytes", "SHA-256"]);
-    for file in from.files.iter().take(MOST_ROWS) {
-        page.row(&[file.path.clone(), file.bytes.to_string(), file.sha256.clone()]);
-    }
-    page.end_table();
-    if from.files.len() > MOST_ROWS {
-        page.paragraph(&format!("{} more are in provenance.json.", from.files.len() - MOST_ROWS));
+    match text.and_then(|text| serde_json::from_slice::<Provenance>(&text).ok()) {
+        Some(from) => page.provenance(&from, MOST_ROWS),
+        None => {
+            page.heading("Provenance");
+            page.paragraph("provenance.json could not be read.");
+        }
     }
 }

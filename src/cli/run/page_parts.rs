@@ -1,4 +1,4 @@
-//! Parts of a run's page: how it looks in light and dark, its charts, recorded frames as small pictures.
+//! Parts of a run's page: its charts, recorded frames as small pictures.
 
 use crate::cli::run::finished::Finished;
 use base::input_file::{DATA_BYTES, InputFile};
@@ -12,30 +12,15 @@ use serde::Deserialize;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
-const STYLE: &str = ":root{color-scheme:light dark;--ink:#222;--paper:#fff;--line:#d9d9d9;--head:#f3f3f3;--mark:#0072b2}\
-@media(prefers-color-scheme:dark){:root{--ink:#e6e6e6;--paper:#16181b;--line:#3a3e44;--head:#22262b;--mark:#56b4e9}}\
-body{font:15px/1.45 Helvetica,Arial,'DejaVu Sans',sans-serif;color:var(--ink);background:var(--paper);max-width:64em;margin:1.2em auto;padding:0 1em}\
-h1{font-size:1.15em;padding:.6em .8em;border-radius:4px;color:#fff;overflow-wrap:anywhere}.met{background:#00694e}.broken{background:#a83a00}\
-h2{font-size:1.05em;margin:1.6em 0 .3em;border-bottom:1px solid var(--line)}.wide{overflow-x:auto}\
-table{border-collapse:collapse;font-size:.86em;margin:.4em 0}th,td{text-align:left;padding:.2em .7em;border-bottom:1px solid var(--line);vertical-align:top;overflow-wrap:anywhere}\
-th{background:var(--head)}svg{max-width:100%;height:auto}.card{background:#fff;display:inline-block;max-width:100%}\
-svg.line{width:760px;font-size:12px;fill:var(--ink)}svg.line .mark{stroke:var(--mark);stroke-width:4;fill:none}svg.line .axis{stroke:var(--ink)}\
-figure{display:inline-block;vertical-align:top;margin:.4em 1em .4em 0;max-width:18em}figure img{image-rendering:pixelated;max-width:100%;border:1px solid var(--line)}figcaption{font-size:.8em}";
+/// What programs know a run's page by.
+const SCHEMA: &str = "<meta name=\"starloop-schema\" content=\"starloop.run_page/1\">\n";
 /// Most points of the chart of the boresight.
 const MOST_POINTS: usize = 400;
 const ARCSEC_PER_DEG: f64 = 3600.0;
 
 /// Returns a page that begins with a verdict: its first line has it as title, its first words are the heading.
 pub(crate) fn begun(verdict: &str, is_good: bool) -> Page {
-    let verdict = escaped(verdict);
-    let class = if is_good { "met" } else { "broken" };
-    let head = format!(
-        "<!DOCTYPE html><html lang=\"en\"><head><meta charset=\"utf-8\"><title>{verdict}</title>\n\
-         <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\n\
-         <meta name=\"starloop-schema\" content=\"starloop.run_page/1\">\n<style>{STYLE}</style></head>\n\
-         <body><h1 class=\"{class}\">{verdict}</h1>"
-    );
-    Page::begun(&head, true)
+    Page::begun(verdict, if is_good { "met" } else { "broken" }, SCHEMA)
 }
 
 /// Returns how far the boresight of recorded frames is from that of the first, as SVG; `None` without frames.
@@ -50,17 +35,14 @@ pub(crate) fn chart_of_pointing(rows: &[Row]) -> Option<String> {
     };
     let across = |row: &Row| Some(turned_deg(row.ra_deg? - ra_deg) * dec_deg.to_radians().cos());
     let up = |row: &Row| Some(row.dec_deg? - dec_deg);
-    Some(to_svg(&Chart {
-        title: "Boresight of the recorded frames, from that of the first".into(),
-        x: Axis::linear("time after the first frame, s"),
-        y: Axis::linear("angle, arcsec"),
-        series: vec![
-            Series::new("right ascension, times cos(declination)", Style::Line, 0, of(&across)),
-            Series::new("declination", Style::Line, 1, of(&up)),
-        ],
-        ring: String::new(),
-        notes: vec![format!("first frame: right ascension {ra_deg:.6} deg, declination {dec_deg:.6} deg")],
-    }))
+    let series = vec![
+        Series::new("right ascension, times cos(declination)", Style::Line, 0, of(&across)),
+        Series::new("declination", Style::Line, 1, of(&up)),
+    ];
+    let (x, y) = (Axis::linear("time after the first frame, s"), Axis::linear("angle, arcsec"));
+    let chart = Chart::new("Boresight of the recorded frames, from that of the first", x, y, series);
+    let first = format!("first frame: right ascension {ra_deg:.6} deg, declination {dec_deg:.6} deg");
+    Some(to_svg(&chart.noted(first)))
 }
 
 /// Returns an angle from -180 to 180 deg.

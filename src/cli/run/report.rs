@@ -92,8 +92,8 @@ pub struct ScenarioReport {
 }
 
 impl ScenarioReport {
-    /// Makes the report of a run, finished or in progress.
-    pub fn of(scenario: &Scenario, outcome: &LoopView<'_>, wall_s: f64) -> Self {
+    /// Makes the report of a run, finished or in progress, with the connections that its control socket refused.
+    pub fn of(scenario: &Scenario, outcome: &LoopView<'_>, wall_s: f64, refusals: Option<&ControlRefusals>) -> Self {
         let (record, assessment) = (outcome.record, outcome.assessment);
         let simulated_s = outcome.simulated_s;
         let flown = outcome.flown;
@@ -143,7 +143,7 @@ impl ScenarioReport {
             violation_lines: lines.to_vec(),
             sinks: Vec::new(),
             losses,
-            control_refusals: ControlRefusals::new(),
+            control_refusals: refusals.cloned().unwrap_or_default(),
         }
     }
 
@@ -151,12 +151,6 @@ impl ScenarioReport {
     #[must_use]
     pub fn ended(self, sinks: &[SinkLine], losses: &Losses) -> Self {
         Self { sinks: sinks.to_vec(), losses: losses.clone(), ..self }
-    }
-
-    /// Returns the same with the connections that the control socket refused.
-    #[must_use]
-    pub fn with_control(self, refusals: Option<&ControlRefusals>) -> Self {
-        Self { control_refusals: refusals.cloned().unwrap_or_default(), ..self }
     }
 }
 

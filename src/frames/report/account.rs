@@ -6,52 +6,41 @@
 use base::time::Tai;
 use serde::ser::{Serialize, SerializeMap, Serializer};
 
-macro_rules! ends {
-    ($($(#[doc = $doc:literal])+ $end:ident = $name:literal, $words:literal,)*) => {
-        /// The end of a frame.
-        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-        pub enum FrameEnd {
-            $($(#[doc = $doc])+ $end,)*
-        }
-
-        impl FrameEnd {
-            /// Every end.
-            pub const ALL: [Self; [$($name),*].len()] = [$(Self::$end),*];
-
-            /// Returns the name in files.
-            pub const fn name(self) -> &'static str {
-                match self {
-                    $(Self::$end => $name,)*
-                }
-            }
-
-            /// Returns the words that follow a count.
-            pub const fn words(self) -> &'static str {
-                match self {
-                    $(Self::$end => $words,)*
-                }
-            }
-        }
-    };
+base::words! {
+    /// The end of a frame, by its name in files.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub enum FrameEnd {
+        /// It went out on time, lit by an attitude that was neither held nor missing.
+        OnTime = "on_time",
+        /// It went out after its deadline, or an older image went out in its place.
+        Late = "late",
+        /// It did not go out.
+        Dropped = "dropped",
+        /// It is blank because nothing has arrived yet to light it: no attitude, or no RUN.
+        BlankAtStart = "blank_at_start",
+        /// It is blank because the attitudes stopped, or a peer of another version stopped the session.
+        Blank = "blank",
+        /// It shows the last attitude: no newer one came in time.
+        AttitudeHeld = "attitude_held",
+        /// A fault or a client that the bench obeys wanted it so: dropped, delayed, blank or not exposed.
+        Commanded = "commanded",
+        /// The bench promised it, and it was never exposed.
+        NotExposed = "not_exposed",
+    }
 }
 
-ends! {
-    /// It went out on time, lit by an attitude that was neither held nor missing.
-    OnTime = "on_time", "on time",
-    /// It went out after its deadline, or an older image went out in its place.
-    Late = "late", "late",
-    /// It did not go out.
-    Dropped = "dropped", "dropped",
-    /// It is blank because nothing has arrived yet to light it: no attitude, or no RUN.
-    BlankAtStart = "blank_at_start", "blank at the start",
-    /// It is blank because the attitudes stopped, or a peer of another version stopped the session.
-    Blank = "blank", "blank",
-    /// It shows the last attitude: no newer one came in time.
-    AttitudeHeld = "attitude_held", "with a held attitude",
-    /// A fault or a client that the bench obeys wanted it so: dropped, delayed, blank or not exposed.
-    Commanded = "commanded", "missing as commanded",
-    /// The bench promised it, and it was never exposed.
-    NotExposed = "not_exposed", "not exposed",
+impl FrameEnd {
+    /// Returns the words that follow a count.
+    pub const fn words(self) -> &'static str {
+        match self {
+            Self::OnTime => "on time",
+            Self::BlankAtStart => "blank at the start",
+            Self::AttitudeHeld => "with a held attitude",
+            Self::Commanded => "missing as commanded",
+            Self::NotExposed => "not exposed",
+            Self::Late | Self::Dropped | Self::Blank => self.name(),
+        }
+    }
 }
 
 /// A count with its first and last instants.

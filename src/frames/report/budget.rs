@@ -7,8 +7,9 @@
 use crate::report::frame_ring::{FrameRing, Latency};
 use crate::report::stages::{Stage, StageHistograms};
 use crate::report::{
-    ReportError, histogram::Quantiles, machine::Machine, summary::FrameCounts, table::joined, verdict::RunVerdict,
+    histogram::Quantiles, json_pretty, machine::Machine, summary::FrameCounts, table::joined, verdict::RunVerdict,
 };
+use base::refused::Refused;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -193,9 +194,9 @@ impl BudgetReport {
     /// Returns JSON that ends in a line break. Numbers that are not finite become `null`.
     ///
     /// # Errors
-    /// [`ReportError::Json`] when it cannot be expressed.
-    pub fn to_json_pretty(&self) -> Result<String, ReportError> {
-        Ok(serde_json::to_string_pretty(self)? + "\n")
+    /// When it cannot be expressed.
+    pub fn to_json_pretty(&self) -> Result<String, Refused> {
+        json_pretty(self)
     }
 }
 

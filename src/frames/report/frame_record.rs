@@ -3,8 +3,8 @@
 //! Plain data that a frame thread fills in and a sink thread completes. Instants are on the run's clock. What is not
 //! known is `None`, never a made-up number.
 
-use crate::report::ReportError;
 use crate::report::stages::{Stage, StageHistograms, StageTimes};
+use base::refused::Refused;
 use base::time::{Span, Tai};
 use base::units::ARCSEC;
 
@@ -213,66 +213,65 @@ pub(crate) fn sample_record(number: u32) -> FrameRecord {
 /// Word for a bound that is not known.
 const UNKNOWN: &str = "unknown";
 
+/// A column: its name, and the cell of a frame.
+type Column = (&'static str, fn(&FrameRecord) -> String);
+
+/// Columns before those of the stages.
+const COLUMNS: [Column; 21] = [
+    ("frame", |record| record.number.to_string()),
+    ("head", |record| record.head.to_string()),
+    ("exposure_start_tai_ns", |record| record.exposure_start.ns().to_string()),
+    ("release_tai_ns", |record| record.release.ns().to_string()),
+    ("due_ms", |record| after_release(record, Some(record.due))),
+    ("commanded_ms", |record| after_release(record, record.commanded)),
+    ("woken_ms", |record| after_release(record, Some(record.woken))),
+    ("finished_ms", |record| after_release(record, record.finished)),
+    ("submitted_ms", |record| after_release(record, record.submitted)),
+    ("delivered_ms", |record| after_release(record, record.delivered)),
+    ("lateness_ms", |record| ms(record.lateness)),
+    ("fate", |record| record.fate.name().to_owned()),
+    ("cause", |record| record.cause.map(MissCause::name).unwrap_or_default().to_owned()),
+    ("rung", |record| record.degradation.to_owned()),
+    ("method", |record| record.method.to_owned()),
+    ("origin", |record| record.origin.to_owned()),
+    ("horizon_ms", |record| ms(record.horizon)),
+    ("end_horizon_ms", |record| ms(record.end_horizon)),
+    ("jitter_missing_ms", |record| ms(record.jitter_missing)),
+    ("pointing_bound_arcsec", bound),
+    ("load", |record| format!("{:.4}", record.load)),
+];
+
+fn ms(span: Span) -> String {
+    format!("{:.6}", span.ms())
+}
+
+fn after_release(record: &FrameRecord, at: Option<Tai>) -> String {
+    at.map(|at| ms(at - record.release)).unwrap_or_default()
+}
+
+fn bound(record: &FrameRecord) -> String {
+    record.pointing_bound_rad.map_or_else(|| UNKNOWN.to_owned(), |rad| format!("{:.6}", rad / ARCSEC))
+}
+
 /// Returns the rows, with a heading.
 ///
 /// # Errors
-/// [`ReportError::Csv`] when they cannot be expressed.
-pub fn frames_csv<'a>(records: impl IntoIterator<Item = &'a FrameRecord>) -> Result<Vec<u8>, ReportError> {
+/// When they cannot be expressed.
+pub fn frames_csv<'a>(records: impl IntoIterator<Item = &'a FrameRecord>) -> Result<Vec<u8>, Refused> {
+    table(records).map_err(|why| {
+        Refused(format!("the frames' times cannot be written as CSV: {why}; the frames are not affected"))
+    })
+}
+
+fn table<'a>(records: impl IntoIterator<Item = &'a FrameRecord>) -> csv::Result<Vec<u8>> {
     let mut writer = csv::Writer::from_writer(Vec::new());
-    writer.write_record(heading())?;
+    let stages = Stage::ALL.iter().map(|stage| format!("{}_ms", stage.name()));
+    writer.write_record(COLUMNS.iter().map(|(name, _)| (*name).to_owned()).chain(stages))?;
     for record in records {
-        writer.write_record(row(record))?;
+        let stages = Stage::ALL.iter().map(|stage| record.times.get(*stage).map(ms).unwrap_or_default());
+        writer.write_record(COLUMNS.iter().map(|(_, cell)| cell(record)).chain(stages))?;
     }
-    writer.into_inner().map_err(|error| ReportError::Csv(error.into_error().into()))
-}
-
-fn heading() -> Vec<String> {
-    let names = [
-        "frame",
-        "head",
-        "exposure_start_tai_ns",
-        "release_tai_ns",
-        "due_ms",
-        "commanded_ms",
-        "woken_ms",
-        "finished_ms",
-    ];
-    let more =
-        ["submitted_ms", "delivered_ms", "lateness_ms", "fate", "cause", "rung", "method", "origin", "horizon_ms"];
-    let last = ["end_horizon_ms", "jitter_missing_ms", "pointing_bound_arcsec", "load"];
-    let names = names.into_iter().chain(more).chain(last).map(String::from);
-    names.chain(Stage::ALL.iter().map(|stage| format!("{}_ms", stage.name()))).collect()
-}
-
-fn row(record: &FrameRecord) -> Vec<String> {
-    let ms = |span: Span| format!("{:.6}", span.ms());
-    let after = |at: Option<Tai>| at.map(|at| ms(at - record.release)).unwrap_or_default();
-    let bound = record.pointing_bound_rad.map_or_else(|| UNKNOWN.to_owned(), |rad| format!("{:.6}", rad / ARCSEC));
-    let cells = [
-        record.number.to_string(),
-        record.head.to_string(),
-        record.exposure_start.ns().to_string(),
-        record.release.ns().to_string(),
-        after(Some(record.due)),
-        after(record.commanded),
-        after(Some(record.woken)),
-        after(record.finished),
-        after(record.submitted),
-        after(record.delivered),
-        ms(record.lateness),
-        record.fate.name().to_owned(),
-        record.cause.map(MissCause::name).unwrap_or_default().to_owned(),
-        record.degradation.to_owned(),
-        record.method.to_owned(),
-        record.origin.to_owned(),
-        ms(record.horizon),
-        ms(record.end_horizon),
-        ms(record.jitter_missing),
-        bound,
-        format!("{:.4}", record.load),
-    ];
-    let stages = Stage::ALL.iter().map(|stage| record.times.get(*stage).map(ms).unwrap_or_default());
-    cells.into_iter().chain(stages).collect()
+    writer.into_inner().map_err(|error| error.into_error().into())
 }
 
 #[cfg(test)]

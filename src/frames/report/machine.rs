@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 /// Processor and system.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct Machine {
     /// Processor model; `unknown` where the system does not say.
     pub cpu: String,

@@ -10,6 +10,9 @@
 //! Frame by frame: `frame_record` (one frame's times, fate and cause) -> `frame_ring` (the last frames, counts of all)
 //! -> `budget` (verdict per line) -> `junit`, `timeline`.
 
+use base::refused::Refused;
+use serde::Serialize;
+
 pub mod account;
 pub mod budget;
 pub mod frame_record;
@@ -48,13 +51,11 @@ pub use time_tally::TimeTally;
 pub use timeline::timeline_svg;
 pub use verdict::{Reason, RunLimits, RunVerdict, RunWord};
 
-/// A report that could not be made.
-#[derive(Debug, thiserror::Error)]
-pub enum ReportError {
-    /// The summary does not go into JSON.
-    #[error("the run summary cannot be written as JSON: {0}; the frames and their log are not affected")]
-    Json(#[from] serde_json::Error),
-    /// The frames' times do not go into CSV.
-    #[error("the frames' times cannot be written as CSV: {0}; the frames are not affected")]
-    Csv(#[from] csv::Error),
+/// Returns a report as JSON for people and programs, which ends in a line break. Numbers that are not finite become
+/// `null`.
+fn json_pretty(report: &impl Serialize) -> Result<String, Refused> {
+    let text = serde_json::to_string_pretty(report).map_err(|why| {
+        Refused(format!("the run summary cannot be written as JSON: {why}; the frames and their log are not affected"))
+    })?;
+    Ok(text + "\n")
 }

@@ -4,16 +4,16 @@
 //! The caller writes the text, whole or not at all.
 
 use crate::report::histogram::{CountSpread, Quantiles};
-use crate::report::verdict::{RunVerdict, RunWord};
 use crate::report::{
-    ReportError, account::FrameAccount, frame_ring::Latency, losses::Losses, machine::Machine, sink_line::SinkLine,
-    stages::Stage,
+    account::FrameAccount, frame_ring::Latency, json_pretty, losses::Losses, machine::Machine, sink_line::SinkLine,
+    stages::Stage, verdict::RunVerdict,
 };
+use base::refused::Refused;
 use serde::{Serialize, Serializer};
 use std::collections::BTreeMap;
 
 /// One run.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct RunSummary {
     /// The verdict and its reasons.
     #[serde(flatten)]
@@ -144,52 +144,15 @@ pub struct EventLine {
 impl RunSummary {
     /// Returns the summary of a run that has not begun: names empty, counts zero.
     pub fn empty(machine: Machine) -> Self {
-        Self {
-            verdict: RunVerdict { word: RunWord::Ok, reasons: Vec::new(), limits_used: Vec::new() },
-            starloop_version: env!("CARGO_PKG_VERSION").into(),
-            bench: String::new(),
-            camera: String::new(),
-            backend: String::new(),
-            adapter: String::new(),
-            clock: String::new(),
-            machine,
-            start_utc: String::new(),
-            duration_s: 0.0,
-            wall_s: 0.0,
-            frame_period_s: 0.0,
-            seed: 0,
-            noise_seed: 0,
-            frames: FrameCounts::default(),
-            account: FrameAccount::NONE,
-            stages: [Quantiles::default(); Stage::COUNT],
-            lateness: Quantiles::default(),
-            attitude_age: Quantiles::default(),
-            horizon: Quantiles::default(),
-            intake: Quantiles::default(),
-            latency: Latency::default(),
-            misses: BTreeMap::new(),
-            link: LinkCounts::default(),
-            faults: BTreeMap::new(),
-            methods: BTreeMap::new(),
-            degraded: BTreeMap::new(),
-            stars: CountSpread::default(),
-            event_counts: BTreeMap::new(),
-            last_events: Vec::new(),
-            sink: String::new(),
-            output: None,
-            run_crc32: String::new(),
-            sinks: Vec::new(),
-            losses: Losses::default(),
-            gateways: Vec::new(),
-        }
+        Self { starloop_version: env!("CARGO_PKG_VERSION").into(), machine, ..Self::default() }
     }
 
     /// Returns JSON for people and programs that ends in a line break. Numbers that are not finite become `null`.
     ///
     /// # Errors
-    /// [`ReportError::Json`] when it cannot be expressed.
-    pub fn to_json_pretty(&self) -> Result<String, ReportError> {
-        Ok(serde_json::to_string_pretty(self)? + "\n")
+    /// When it cannot be expressed.
+    pub fn to_json_pretty(&self) -> Result<String, Refused> {
+        json_pretty(self)
     }
 }
 

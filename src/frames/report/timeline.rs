@@ -6,14 +6,14 @@
 //! measure the bars.
 
 use crate::report::frame_record::{FrameRecord, MissCause};
-use crate::report::{plot::colour, stages::Stage};
+use crate::report::plot::{Page, colour, round_above};
+use crate::report::stages::Stage;
 use base::time::{Span, Tai};
-use base::xml::escaped;
-use core::fmt::Write;
 
 const WIDTH_PX: f64 = 960.0;
 const LEFT_PX: f64 = 300.0;
 const RIGHT_PX: f64 = 24.0;
+const MARGIN_PX: f64 = 16.0;
 const ROW_PX: f64 = 26.0;
 const BAR_PX: f64 = 16.0;
 const LINE_PX: f64 = 18.0;
@@ -38,31 +38,20 @@ pub fn timeline_svg(title: &str, records: &[FrameRecord]) -> String {
     let due_ms = records.iter().map(|record| (record.due - record.release).ms()).fold(0.0, f64::max);
     let end_ms = rows.iter().flatten().map(|bar| bar.to_ms).fold(due_ms, f64::max).max(1e-3) * 1.04;
     let px = |ms: f64| LEFT_PX + ms.max(0.0) / end_ms * (WIDTH_PX - LEFT_PX - RIGHT_PX);
-    let mut body = String::new();
-    let legend_bottom_px = write_legend(&mut body, &rows);
+    let mut page = Page::default();
+    let legend_bottom_px = write_legend(&mut page, &rows);
     let top_px = legend_bottom_px + 28.0;
     let bottom_px = top_px + ROW_PX * records.len().max(1) as f64;
-    write_axis(&mut body, end_ms, [top_px, bottom_px], px);
+    write_axis(&mut page, end_ms, [top_px, bottom_px], px);
     for (i, (record, bars)) in records.iter().zip(&rows).enumerate() {
         let y_px = top_px + ROW_PX * i as f64;
-        write_row(&mut body, record, bars, y_px, px);
-        write_deadline(&mut body, record, y_px, px);
+        write_row(&mut page, record, bars, y_px, px);
+        write_deadline(&mut page, record, (y_px, i == 0), px);
     }
     if records.is_empty() {
-        text(&mut body, LEFT_PX + 12.0, top_px + 17.0, "start", "no frames");
+        page.text_at([LEFT_PX + 12.0, top_px + 17.0], "start", "no frames");
     }
-    document(title, &body, bottom_px + 56.0)
-}
-
-fn document(title: &str, body: &str, height_px: f64) -> String {
-    let title = escaped(title);
-    format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{WIDTH_PX}\" height=\"{height_px:.0}\" \
-         viewBox=\"0 0 {WIDTH_PX} {height_px:.0}\" role=\"img\" \
-         font-family=\"Helvetica, Arial, 'DejaVu Sans', sans-serif\" font-size=\"12\" fill=\"#222222\">\n\
-         <title>{title}</title>\n<rect width=\"{WIDTH_PX}\" height=\"{height_px:.0}\" fill=\"#ffffff\"/>\n\
-         <text x=\"16\" y=\"26\" font-size=\"15\" font-weight=\"bold\">{title}</text>\n{body}</svg>\n"
-    )
+    page.document([WIDTH_PX, bottom_px + 56.0], MARGIN_PX, title)
 }
 
 /// Returns the stages of one frame, one after another; queue and sink from the moment of their handing over.
@@ -102,49 +91,40 @@ fn fill(stage: Stage) -> (&'static str, f64) {
     (colour(place), if place < COLOURS { 1.0 } else { LIGHT })
 }
 
-fn write_legend(body: &mut String, rows: &[Vec<Bar>]) -> f64 {
-    let (mut x_px, mut y_px) = (16.0, 50.0);
+fn write_legend(page: &mut Page, rows: &[Vec<Bar>]) -> f64 {
+    let (mut x_px, mut y_px) = (MARGIN_PX, 50.0);
     let has_run = |stage: &Stage| rows.iter().flatten().any(|bar| bar.stage == *stage);
     for stage in Stage::OF_A_FRAME.into_iter().filter(has_run) {
         let width_px = SWATCH_PX + stage.name().len() as f64 * CHARACTER_PX + 16.0;
         if x_px + width_px > WIDTH_PX - RIGHT_PX {
-            (x_px, y_px) = (16.0, y_px + LINE_PX);
+            (x_px, y_px) = (MARGIN_PX, y_px + LINE_PX);
         }
         let (colour, opacity) = fill(stage);
-        // Writing to a string cannot fail.
-        let _ = writeln!(
-            body,
+        page.line(&format!(
             "<rect x=\"{x_px:.1}\" y=\"{:.1}\" width=\"12\" height=\"12\" fill=\"{colour}\" fill-opacity=\"{opacity}\"/>",
             y_px - 10.5
-        );
-        text(body, x_px + SWATCH_PX, y_px, "start", stage.name());
+        ));
+        page.text_at([x_px + SWATCH_PX, y_px], "start", stage.name());
         x_px += width_px;
     }
     y_px
 }
 
-fn write_axis(body: &mut String, end_ms: f64, [top_px, bottom_px]: [f64; 2], px: impl Fn(f64) -> f64) {
-    let step_ms = tick_step(end_ms / TICKS);
+fn write_axis(page: &mut Page, end_ms: f64, [top_px, bottom_px]: [f64; 2], px: impl Fn(f64) -> f64) {
+    let step_ms = round_above(end_ms / TICKS);
     let digits = if step_ms < 0.1 { 2 } else { usize::from(step_ms < 1.0) };
     let mut ms = 0.0;
     while ms <= end_ms {
         let x_px = px(ms);
-        // Writing to a string cannot fail.
-        let _ = writeln!(body, "<path d=\"M{x_px:.1} {top_px:.1}V{bottom_px:.1}\" stroke=\"#dcdcdc\"/>");
-        text(body, x_px, bottom_px + 17.0, "middle", &format!("{ms:.digits$}"));
+        page.line(&format!("<path d=\"M{x_px:.1} {top_px:.1}V{bottom_px:.1}\" stroke=\"#dcdcdc\"/>"));
+        page.text_at([x_px, bottom_px + 17.0], "middle", &format!("{ms:.digits$}"));
         ms += step_ms;
     }
     let middle_px = 0.5 * (px(0.0) + px(end_ms));
-    text(body, middle_px, bottom_px + 38.0, "middle", "ms after the release (end of the exposure)");
+    page.text_at([middle_px, bottom_px + 38.0], "middle", "ms after the release (end of the exposure)");
 }
 
-/// Returns 1, 2 or 5 times a power of ten, not below `least`.
-fn tick_step(least: f64) -> f64 {
-    let power = 10_f64.powf(least.max(1e-9).log10().floor());
-    [1.0, 2.0, 5.0, 10.0].into_iter().map(|n| n * power).find(|step| *step >= least).unwrap_or(10.0 * power)
-}
-
-fn write_row(body: &mut String, record: &FrameRecord, bars: &[Bar], y_px: f64, px: impl Fn(f64) -> f64) {
+fn write_row(page: &mut Page, record: &FrameRecord, bars: &[Bar], y_px: f64, px: impl Fn(f64) -> f64) {
     let lateness_ms = record.lateness.ms();
     let when =
         if lateness_ms > 0.0 { format!("{lateness_ms:.1} ms late") } else { format!("{:.1} ms early", -lateness_ms) };
@@ -152,45 +132,32 @@ fn write_row(body: &mut String, record: &FrameRecord, bars: &[Bar], y_px: f64, p
         Some(cause) => format!("{}: {when}, {}: {cause}", record.number, record.fate.name()),
         None => format!("{}: {when}, {}", record.number, record.fate.name()),
     };
-    text(body, LEFT_PX - 10.0, y_px + 17.0, "end", &label);
+    page.text_at([LEFT_PX - 10.0, y_px + 17.0], "end", &label);
     let bar_px = y_px + 0.5 * (ROW_PX - BAR_PX);
     for bar in bars {
         let (colour, opacity) = fill(bar.stage);
         let (x_px, width_px) = (px(bar.from_ms), (px(bar.to_ms) - px(bar.from_ms)).max(0.3));
-        // Writing to a string cannot fail.
-        let _ = writeln!(
-            body,
+        page.line(&format!(
             "<rect class=\"{}\" x=\"{x_px:.2}\" y=\"{bar_px:.1}\" width=\"{width_px:.2}\" height=\"{BAR_PX}\" \
              fill=\"{colour}\" fill-opacity=\"{opacity}\"><title>{} {:.3} ms</title></rect>",
             bar.stage.name(),
             bar.stage.name(),
             bar.to_ms - bar.from_ms
-        );
+        ));
     }
 }
 
-fn write_deadline(body: &mut String, record: &FrameRecord, y_px: f64, px: impl Fn(f64) -> f64) {
+fn write_deadline(page: &mut Page, record: &FrameRecord, (y_px, is_first): (f64, bool), px: impl Fn(f64) -> f64) {
     let x_px = px((record.due - record.release).ms());
-    // Writing to a string cannot fail.
-    let _ = writeln!(
-        body,
+    page.line(&format!(
         "<path class=\"deadline\" d=\"M{x_px:.2} {y_px:.1}v{ROW_PX}\" stroke=\"#cc0000\" stroke-width=\"2\"/>"
-    );
-    let is_first = !body.contains(">deadline</text>");
+    ));
     if is_first {
-        // Writing to a string cannot fail.
-        let _ = writeln!(
-            body,
+        page.line(&format!(
             "<text x=\"{x_px:.1}\" y=\"{:.1}\" text-anchor=\"middle\" fill=\"#cc0000\">deadline</text>",
             y_px - 6.0
-        );
+        ));
     }
-}
-
-fn text(body: &mut String, x_px: f64, y_px: f64, anchor: &str, text: &str) {
-    let text = escaped(text);
-    // Writing to a string cannot fail.
-    let _ = writeln!(body, "<text x=\"{x_px:.1}\" y=\"{y_px:.1}\" text-anchor=\"{anchor}\">{text}</text>");
 }
 
 #[cfg(test)]

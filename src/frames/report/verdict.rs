@@ -18,9 +18,10 @@ use serde::{Serialize, Serializer};
 
 base::words! {
     /// First word of a run's verdict; a later one is worse.
-    #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+    #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
     pub enum RunWord {
         /// Nothing is missing, late, blank, contradictory or lost.
+        #[default]
         Ok = "ok",
         /// Frames went out after their deadline.
         Late = "LATE",
@@ -59,7 +60,7 @@ pub struct Reason {
 }
 
 /// A verdict with its reasons.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct RunVerdict {
     /// The word.
     #[serde(rename = "verdict")]
@@ -143,7 +144,7 @@ impl RunVerdict {
         zero: Tai,
         cause: &dyn Fn(FrameEnd) -> String,
     ) -> Self {
-        let mut verdict = Self { word: RunWord::Ok, reasons: Vec::new(), limits_used: Vec::new() };
+        let mut verdict = Self::default();
         for end in FrameEnd::ALL {
             let tally = account.of(end);
             let Some((word, key, limit)) = limits.of(end).filter(|_| tally.count > 0) else { continue };

@@ -3,6 +3,7 @@
 //! In: a scenario, seeds. Out: the results of each episode's checks. An episode is one [`SteppedRun`] whose events are
 //! the scenario's own and those of [`fault_schedule`]; its seed alone repeats it.
 
+use base::refused::Refused;
 use config::{Event, Scenario};
 use frames::sink::NullSink;
 use run::wiring::fault_schedule::{ScheduleLimits, fault_schedule};
@@ -38,29 +39,21 @@ pub struct Episode {
     pub violation_lines: Vec<String>,
 }
 
-/// A run too short for random faults.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-#[error(
-    "duration_s is {duration_s}; wanted more than {least_s}: random faults come between {QUIET_START_S} s after the \
-     first exposure and {QUIET_END_S} s before the end"
-)]
-pub struct TooShortForFaults {
-    /// Duration of the run, s.
-    pub duration_s: f64,
-    /// Smallest duration, s (exclusive).
-    pub least_s: f64,
-}
-
 /// Refuses a scenario too short for any random fault: flown as an episode, it would pass without testing anything.
 ///
 /// # Errors
 /// The smallest duration.
-pub fn check_time_for_faults(base: &Scenario) -> Result<(), TooShortForFaults> {
+pub fn check_time_for_faults(base: &Scenario) -> Result<(), Refused> {
     let limits = schedule_limits(base);
     if limits.until_s > limits.from_s {
         return Ok(());
     }
-    Err(TooShortForFaults { duration_s: base.bench.timing.duration_s, least_s: QUIET_START_S + QUIET_END_S })
+    Err(Refused(format!(
+        "duration_s is {}; wanted more than {}: random faults come between {QUIET_START_S} s after the first exposure and \
+         {QUIET_END_S} s before the end",
+        base.bench.timing.duration_s,
+        QUIET_START_S + QUIET_END_S
+    )))
 }
 
 fn schedule_limits(base: &Scenario) -> ScheduleLimits {

@@ -6,15 +6,16 @@
 //! image lag is the exception, because it keeps charge from image to image. Tests: below, `hil_scripts/test_files.py`
 //! (the command `render`).
 
+use base::refused::Refused;
 use base::time::{Span, Tai};
-use config::{Action, Bench, ConfigError, Event};
+use config::{Action, Bench, Event};
 use frames::report::StageTimes;
 use frames::sink::{FrameFault, SentFrame};
 use image::gpu::Electrons;
 use plan::exposure::target::Target;
 use plan::exposure::{ExposurePlan, Motion};
 use run::runtime::frame_faults::{Begin, FrameFaults};
-use run::runtime::{FrameEngine, Imager, Ledger, RunParams, Slot, Started};
+use run::runtime::{FrameEngine, Imager, Ledger, RunError, RunParams, Slot, Started};
 use run::{runtime::engine::Light, wiring::bench_parts::params_from};
 use scene::wcs::WcsMaker;
 use serde_json::{Map, Value};
@@ -29,17 +30,6 @@ pub const MOST_ELECTRONS: f64 = 1e12;
 
 /// Time before and after all images for which a fault acts: a fault that changes while it lasts is near its middle.
 const FAULT_SPAN: Span = Span::from_ns(1_000_000_000_000_000_000);
-
-/// An image that cannot be drawn.
-#[derive(Debug, thiserror::Error)]
-pub enum StillError {
-    /// The bench cannot be used.
-    #[error("{0}")]
-    Bench(String),
-    /// The sky, the backend or the detector failed.
-    #[error(transparent)]
-    Run(#[from] run::runtime::RunError),
-}
 
 /// Parameters of single images.
 #[derive(Debug, Clone)]
@@ -71,16 +61,16 @@ impl Still {
     ///
     /// # Errors
     /// When the camera, the observer, a layer of stars or the backend cannot be used.
-    pub fn new(params: &StillParams<'_>) -> Result<Self, StillError> {
+    pub fn new(params: &StillParams<'_>) -> Result<Self, RunError> {
         let StillParams { bench, span: [first, last], faults } = *params;
         let exposure = Span::from_s(bench.camera.exposure.exposure_s);
         let start = first - Span::from_ns(exposure.ns() / 2);
-        let run = params_from(bench, start).map_err(|error| StillError::Bench(format!("{error:#}")))?;
+        let run = params_from(bench, start).map_err(|error| RunError::Scene(Refused(format!("{error:#}"))))?;
         // Without a deadline images are drawn as exactly as the budget asks.
         let run = RunParams { degrade: false, ..run };
-        let detector = run.camera.make_detector(run.seeds()).map_err(run::runtime::RunError::from)?;
-        let imager = Imager::of_detector(run.backend, detector).map_err(run::runtime::RunError::from)?;
-        let sky = run.open_sky().map_err(run::runtime::RunError::from)?;
+        let detector = run.camera.make_detector(run.seeds())?;
+        let imager = Imager::of_detector(run.backend, detector)?;
+        let sky = run.open_sky()?;
         let mean_wcs = WcsMaker::new(&run.camera.geometry, &run.camera.whole_sensor());
         let faintest_mag = sky.layers.magnitudes()[1];
         let [width, height] = run.camera.output().size_px;
@@ -102,13 +92,13 @@ impl Still {
     ///
     /// # Errors
     /// When a fault cannot be prepared.
-    pub fn set_faults(&mut self, faults: &[FrameFault], first_number: u16) -> Result<(), StillError> {
+    pub fn set_faults(&mut self, faults: &[FrameFault], first_number: u16) -> Result<(), RunError> {
         self.faults = FrameFaults::default();
         let [from, until] = self.span;
         for (fault, number) in faults.iter().zip(first_number..) {
             self.faults.arm(Begin::At(from), until - from, *fault, number);
         }
-        Ok(self.faults.prepare(&mut self.engine)?)
+        self.faults.prepare(&mut self.engine)
     }
 
     /// Sets the scripted targets of the images to come in place of those before.
@@ -121,8 +111,8 @@ impl Still {
     ///
     /// # Errors
     /// When the backend failed.
-    pub fn draw_target_alone(&mut self, target: &Target) -> Result<(), StillError> {
-        Ok(self.engine.draw_target_alone(target)?)
+    pub fn draw_target_alone(&mut self, target: &Target) -> Result<(), RunError> {
+        self.engine.draw_target_alone(target)
     }
 
     /// Draws and reads out one image; `number` fixes its noise together with the noise seed. It is in [`Self::frame`]
@@ -130,7 +120,7 @@ impl Still {
     ///
     /// # Errors
     /// When the backend failed, or the sky cannot be computed at that time.
-    pub fn draw(&mut self, motion: &Motion, light: Light<'_>, number: u32) -> Result<StageTimes, StillError> {
+    pub fn draw(&mut self, motion: &Motion, light: Light<'_>, number: u32) -> Result<StageTimes, RunError> {
         let slot = slot_of(motion, number);
         let fate = self.faults.begin(slot, &mut self.engine, &mut self.ledger);
         let times = self.engine.expose_along(slot, motion, light, &mut self.ledger, &mut self.frame)?;
@@ -143,7 +133,7 @@ impl Still {
     ///
     /// # Errors
     /// As [`Self::draw`].
-    pub fn draw_mean(&mut self, motion: &Motion, light: Light<'_>, number: u32) -> Result<StageTimes, StillError> {
+    pub fn draw_mean(&mut self, motion: &Motion, light: Light<'_>, number: u32) -> Result<StageTimes, RunError> {
         let slot = slot_of(motion, number);
         self.faults.begin(slot, &mut self.engine, &mut self.ledger);
         let times = self.engine.mean_along(slot, motion, light, &mut self.ledger, &mut self.frame)?;
@@ -188,34 +178,19 @@ fn slot_of(motion: &Motion, number: u32) -> Slot {
 
 // Faults of single images, written as the keys of an `[[event]]`.
 
-/// A fault that a single image cannot have.
-#[derive(Debug, thiserror::Error)]
-pub enum StillFaultError {
-    /// The keys are not those of an event.
-    #[error(transparent)]
-    Keys(#[from] ConfigError),
-    /// It is not written as keys of a table.
-    #[error("a fault: {0}; wanted keys of an event, such as do = \"stray_light\", e_per_s = 200")]
-    Form(String),
-    /// It does not change an image.
-    #[error(
-        "a fault: got do = \"{0}\", wanted one that changes a single image: frame_drop, frame_late, frame_duplicate and frame_torn need a run, faults \
-         of the bus and of the spacecraft do too"
-    )]
-    NotOfAnImage(&'static str),
-}
-
 /// Returns the fault that the keys of an event describe, separated by commas: `do = "stray_light", e_per_s = 200`.
 ///
 /// # Errors
 /// When the keys are not those of a fault of frames that changes a single image.
-pub fn still_fault(keys: &str) -> Result<FrameFault, StillFaultError> {
+pub fn still_fault(keys: &str) -> Result<FrameFault, Refused> {
     #[derive(serde::Deserialize)]
     struct Line {
         fault: Map<String, Value>,
     }
-    let line: Line = toml::from_str(&format!("fault = {{ {keys} }}"))
-        .map_err(|error| StillFaultError::Form(error.message().into()))?;
+    let line = toml::from_str::<Line>(&format!("fault = {{ {keys} }}")).map_err(|error| {
+        let wanted = "wanted keys of an event, such as do = \"stray_light\", e_per_s = 200";
+        Refused(format!("a fault: {}; {wanted}", error.message()))
+    })?;
     still_fault_of(line.fault)
 }
 
@@ -223,10 +198,10 @@ pub fn still_fault(keys: &str) -> Result<FrameFault, StillFaultError> {
 ///
 /// # Errors
 /// As [`still_fault`].
-pub fn still_fault_of(mut keys: Map<String, Value>) -> Result<FrameFault, StillFaultError> {
+pub fn still_fault_of(mut keys: Map<String, Value>) -> Result<FrameFault, Refused> {
     // It lasts as long as the image does.
     keys.entry("for_s").or_insert_with(|| Value::from(1.0));
-    let event = Event::from_json(&keys, 0.0, Span::from_s(1.0))?;
+    let event = Event::from_json(&keys, 0.0, Span::from_s(1.0)).map_err(Refused::of)?;
     match event.action {
         Action::Frame { fault, .. } if !matches!(fault, FrameFault::Sending(_)) => Ok(fault),
         Action::Frame { .. }
@@ -236,7 +211,11 @@ pub fn still_fault_of(mut keys: Map<String, Value>) -> Result<FrameFault, StillF
         | Action::Bus(_)
         | Action::BusBackLoss { .. }
         | Action::Aboard(_)
-        | Action::Trigger { .. } => Err(StillFaultError::NotOfAnImage(event.action.word())),
+        | Action::Trigger { .. } => Err(Refused(format!(
+            "a fault: got do = \"{}\", wanted one that changes a single image: frame_drop, frame_late, frame_duplicate and \
+             frame_torn need a run, faults of the bus and of the spacecraft do too",
+            event.action.word()
+        ))),
     }
 }
 

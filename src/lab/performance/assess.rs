@@ -7,7 +7,7 @@ use crate::availability::{
     LOSSES, RECOVERY, TRACKING, acquisition, exclusion_angles, tracking, tracking_of_case,
 };
 use crate::bias::{FOV, OF_ATTITUDES, OF_TIME, PIXEL, bias, spatial_errors};
-use crate::metric::{Interval, Kind, Metric, Reading, Settings};
+use crate::metric::{Interval, Kind, Metric, Settings};
 use crate::noise::{
     BANDWIDTH, INERTIAL, NEA, RATIO, SUCCESSIVE, bandwidth, noise_of_case, ratio_of_case, temporal_noise,
 };
@@ -18,12 +18,9 @@ use crate::slopes::{
 use crate::statistics::quantile;
 use base::units::ARCSEC;
 use config::nearest;
-use core::fmt::Write;
 
 pub(crate) const AME: Kind = Kind {
     id: "absolute_measurement_error",
-    unit: "arcsec",
-    reading: Reading::Mixed,
     how: "AME: quantile of the error at the report's probability; order statistics",
     parts: &["directional", "rotational"],
     uses: &[Use::Run, Use::Inertial, Use::FovGrid, Use::Drift],
@@ -143,33 +140,35 @@ pub(crate) fn meant(unknown: &str) -> String {
     }
 }
 
-/// Returns the table of the guide.
-pub fn metric_table() -> String {
-    let mut table = "| metric | unit | cases (`use`) | how |\n|---|---|---|---|\n".to_owned();
-    for (place, kind) in KINDS.iter().enumerate() {
-        if KINDS[..place].iter().any(|before| before.id == kind.id && before.how == kind.how) {
-            continue;
-        }
-        let names: Vec<String> = kind.names().map(|name| format!("`{name}`")).collect();
-        let words = |uses: &[Use]| uses.iter().map(|of| format!("`{}`", of.name())).collect::<Vec<_>>().join(", ");
-        let all = if kind.uses == Use::ALL { "all".to_owned() } else { words(kind.uses) };
-        let each = if kind.case_uses.is_empty() { String::new() } else { format!("each of {}", words(kind.case_uses)) };
-        let cases = [all, each].into_iter().filter(|text| !text.is_empty()).collect::<Vec<_>>().join("; ");
-        let (names, unit, how) = (names.join(", "), kind.unit, kind.how.replace('|', "\\|"));
-        let _ = writeln!(table, "| {names} | {unit} | {cases} | {how} |"); // writing to a string does not fail
-    }
-    table
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::statistics::{fewest_trials, share};
     use crate::synthetic::{Dice, Frame, case};
     use crate::{assess::assess, metric::Settings, record::Case};
+    use core::fmt::Write;
     use glam::DVec3;
 
     const GUIDE: &str = include_str!("../../guide/reports.md");
+
+    /// Returns the table of the guide.
+    fn metric_table() -> String {
+        let mut table = "| metric | unit | cases (`use`) | how |\n|---|---|---|---|\n".to_owned();
+        for (place, kind) in KINDS.iter().enumerate() {
+            if KINDS[..place].iter().any(|before| before.id == kind.id && before.how == kind.how) {
+                continue;
+            }
+            let names: Vec<String> = kind.names().map(|name| format!("`{name}`")).collect();
+            let words = |uses: &[Use]| uses.iter().map(|of| format!("`{}`", of.name())).collect::<Vec<_>>().join(", ");
+            let all = if kind.uses == Use::ALL { "all".to_owned() } else { words(kind.uses) };
+            let each =
+                if kind.case_uses.is_empty() { String::new() } else { format!("each of {}", words(kind.case_uses)) };
+            let cases = [all, each].into_iter().filter(|text| !text.is_empty()).collect::<Vec<_>>().join("; ");
+            let (names, unit, how) = (names.join(", "), kind.unit, kind.how.replace('|', "\\|"));
+            let _ = writeln!(table, "| {names} | {unit} | {cases} | {how} |"); // writing to a string does not fail
+        }
+        table
+    }
 
     fn flown(purpose: Use) -> Case {
         let mut dice = Dice::new(4);
@@ -185,7 +184,7 @@ mod tests {
     #[test]
     fn every_number_of_a_report_is_in_the_list_under_the_use_that_gives_it() {
         let mut seen = Vec::new();
-        for purpose in Use::ALL {
+        for purpose in &Use::ALL {
             for metric in assess(&[flown(*purpose)], &Settings::default()).metrics {
                 let kinds = kinds_of(&metric.id);
                 let is_listed = |kind: &&Kind| {

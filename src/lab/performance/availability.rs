@@ -50,7 +50,6 @@ pub(crate) const ACQUISITION_MEDIAN: Kind = Kind {
 pub(crate) const TRACKING: Kind = Kind {
     id: "tracking_probability",
     unit: "share",
-    reading: Reading::Mixed,
     how: "right attitudes over frames from the first right one on; Clopper and Pearson",
     uses: CALM,
     case_uses: Use::EACH_FOR_ITSELF,
@@ -61,9 +60,8 @@ pub(crate) const TRACKING: Kind = Kind {
 pub(crate) const FALSE: Kind = Kind {
     id: "false_solution_probability",
     unit: "share",
-    reading: Reading::Mixed,
     how: "attitudes beyond the limits of a false one, over frames; Clopper and Pearson",
-    uses: Use::ALL,
+    uses: &Use::ALL,
     interval: Interval::Share,
     counted: "frames",
     ..Kind::USUAL
@@ -71,9 +69,8 @@ pub(crate) const FALSE: Kind = Kind {
 pub(crate) const FALSE_COUNT: Kind = Kind {
     id: "false_solutions",
     unit: "count",
-    reading: Reading::Mixed,
     how: "attitudes beyond the limits of a false one",
-    uses: Use::ALL,
+    uses: &Use::ALL,
     case_uses: Use::EACH_FOR_ITSELF,
     interval: Interval::Counted,
     counted: "frames",

@@ -11,7 +11,6 @@ use glam::DVec3;
 
 pub(crate) const OF_ATTITUDES: Kind = Kind {
     id: "bias",
-    unit: "arcsec",
     reading: Reading::Ensemble,
     how: "mean of the means of attitudes; Student's t over attitudes",
     parts: AXES_AND_DIRECTIONAL,
@@ -20,7 +19,6 @@ pub(crate) const OF_ATTITUDES: Kind = Kind {
 };
 pub(crate) const OF_TIME: Kind = Kind {
     id: "bias",
-    unit: "arcsec",
     reading: Reading::Temporal,
     how: "mean of the means of stretches of time; Student's t over stretches",
     parts: AXES_AND_DIRECTIONAL,
@@ -49,19 +47,19 @@ pub fn bias(cases: &[JudgedCase], confidence: f64) -> Vec<Metric> {
 
 fn of_means(means: &[DVec3], kind: &Kind, confidence: f64) -> Vec<Metric> {
     let axis = |axis: usize| mean(&means.iter().map(|mean| mean[axis]).collect::<Vec<_>>(), confidence);
-    let [Some(x), Some(y), Some(z)] = [axis(0), axis(1), axis(2)] else { return Vec::new() };
-    let mut found: Vec<Metric> = AXES.iter().zip([x, y, z]).map(|(name, axis)| of_axis(kind, name, axis)).collect();
-    found.push(of_axis(kind, "directional", across(x, y)));
-    found
+    of_axes(kind, [0, 1, 2].map(axis))
 }
 
-fn of_axis(kind: &Kind, name: &str, axis: Estimate) -> Metric {
-    kind.of(name, None, axis.scaled(1.0 / ARCSEC))
+/// Returns a metric of each axis, and of both across the boresight together; nothing where one of them is not known.
+pub(crate) fn of_axes(kind: &Kind, axes_rad: [Option<Estimate>; 3]) -> Vec<Metric> {
+    let [Some(x), Some(y), Some(z)] = axes_rad else { return Vec::new() };
+    let all = AXES.into_iter().zip([x, y, z]).chain([("directional", across(x, y))]);
+    all.map(|(name, axis)| kind.of(name, None, axis.scaled(1.0 / ARCSEC))).collect()
 }
 
 /// The length of a vector of two estimates; no length inside the box of both intervals is farther from it than its
 /// diagonal.
-pub(crate) fn across(x: Estimate, y: Estimate) -> Estimate {
+fn across(x: Estimate, y: Estimate) -> Estimate {
     let value = directional(DVec3::new(x.value, y.value, 0.0));
     let half = |axis: Estimate| 0.5 * (axis.high - axis.low);
     let diagonal = half(x).hypot(half(y));
@@ -112,7 +110,6 @@ pub fn stretches_of(case: &JudgedCase, stretches: usize) -> Vec<(f64, DVec3)> {
 
 pub(crate) const PIXEL: Kind = Kind {
     id: "pixel_spatial_error",
-    unit: "arcsec",
     reading: Reading::Ensemble,
     how: "1 sigma between shifts by parts of a pixel, less noise; Williams and Tukey",
     parts: &AXES,
@@ -121,7 +118,6 @@ pub(crate) const PIXEL: Kind = Kind {
 };
 pub(crate) const FOV: Kind = Kind {
     id: "fov_spatial_error",
-    unit: "arcsec",
     reading: Reading::Ensemble,
     how: "1 sigma between directions over the field, less noise and the pixel's part",
     parts: &AXES,

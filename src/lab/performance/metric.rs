@@ -7,26 +7,17 @@ use crate::statistics::Estimate;
 use anyhow::{Result, bail};
 use serde::Serialize;
 
-/// How the statistics of a number are to be read (ECSS-E-ST-60-20C, annex E).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Reading {
-    /// Over attitudes or skies.
-    Ensemble,
-    /// Over time.
-    Temporal,
-    /// Over both.
-    Mixed,
-}
-
-impl Reading {
-    /// Returns its word.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Ensemble => "ensemble",
-            Self::Temporal => "temporal",
-            Self::Mixed => "mixed",
-        }
+base::words! {
+    /// How the statistics of a number are to be read (ECSS-E-ST-60-20C, annex E).
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+    #[serde(rename_all = "snake_case")]
+    pub enum Reading {
+        /// Over attitudes or skies.
+        Ensemble = "ensemble",
+        /// Over time.
+        Temporal = "temporal",
+        /// Over both.
+        Mixed = "mixed",
     }
 }
 

@@ -20,8 +20,6 @@ const STILL: &[Use] = &[Use::Inertial, Use::FovGrid, Use::PixelGrid];
 
 pub(crate) const INERTIAL: Kind = Kind {
     id: "temporal_noise",
-    unit: "arcsec",
-    reading: Reading::Mixed,
     how: "1 sigma: variance within attitudes, all attitudes together; chi-square",
     parts: PARTS,
     uses: STILL,
@@ -29,7 +27,6 @@ pub(crate) const INERTIAL: Kind = Kind {
 };
 pub(crate) const SUCCESSIVE: Kind = Kind {
     id: "temporal_noise",
-    unit: "arcsec",
     reading: Reading::Temporal,
     how: "1 sigma: mean square of successive differences over 2; chi-square",
     parts: PARTS,
@@ -39,8 +36,6 @@ pub(crate) const SUCCESSIVE: Kind = Kind {
 };
 pub(crate) const NEA: Kind = Kind {
     id: "noise_equivalent_angle",
-    unit: "arcsec",
-    reading: Reading::Mixed,
     how: "temporal noise times the normal distribution's two-sided factor at the report's probability",
     parts: PARTS,
     uses: &[Use::Inertial, Use::FovGrid, Use::PixelGrid, Use::Run, Use::Drift],

@@ -1,20 +1,39 @@
 //! HTML pages that need no other file, while they grow: headings, tables, pictures.
 
+use crate::provenance::Provenance;
 use base::xml::escaped;
+
+/// How every page looks, in light and dark and on paper.
+const STYLE: &str = ":root{color-scheme:light dark;--ink:#222;--paper:#fff;--line:#d9d9d9;--head:#f3f3f3;--mark:#0072b2;--small:#555}\
+@media(prefers-color-scheme:dark){:root{--ink:#e6e6e6;--paper:#16181b;--line:#3a3e44;--head:#22262b;--mark:#56b4e9;--small:#aaa}}\
+body{font:15px/1.45 Helvetica,Arial,'DejaVu Sans',sans-serif;color:var(--ink);background:var(--paper);max-width:72em;margin:1.2em auto;padding:0 1em}\
+h1{font-size:1.2em;padding:.6em .8em;border-radius:4px;color:#fff;overflow-wrap:anywhere}.met{background:#00694e}.open{background:#7a5a00}.broken{background:#a83a00}\
+h2{font-size:1.05em;margin:1.6em 0 .3em;border-bottom:1px solid var(--line)}.wide{overflow-x:auto}\
+table{border-collapse:collapse;font-size:.86em;margin:.4em 0}th,td{text-align:left;padding:.2em .7em;border-bottom:1px solid var(--line);vertical-align:top;overflow-wrap:anywhere}\
+th{background:var(--head)}td.n{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}tr.bad td{background:#fff1ea;color:#222}tr.open td{background:#fff8dc;color:#222}\
+.how{display:block;color:var(--small);min-width:20em;max-width:44em}td.sign{min-width:14em;height:2.2em}\
+svg{max-width:100%;height:auto;margin:.6em 0}.card{background:#fff;display:inline-block;max-width:100%}\
+svg.line{width:760px;font-size:12px;fill:var(--ink)}svg.line .mark{stroke:var(--mark);stroke-width:4;fill:none}svg.line .axis{stroke:var(--ink)}\
+figure{display:inline-block;vertical-align:top;margin:.4em 1em .4em 0;max-width:18em}figure img{image-rendering:pixelated;max-width:100%;border:1px solid var(--line)}figcaption{font-size:.8em}\
+@media print{:root{color-scheme:light;--ink:#222;--paper:#fff;--line:#d9d9d9;--head:#f3f3f3;--small:#555}body{max-width:none}table{width:100%}h1{print-color-adjust:exact;-webkit-print-color-adjust:exact}h2{break-after:avoid}svg{break-inside:avoid}}";
 
 /// A page.
 #[derive(Debug, Default)]
 pub struct Page {
     text: String,
-    /// True where tables scroll in a frame of their own.
-    has_wide_tables: bool,
 }
 
 impl Page {
-    /// Returns a page that begins with this HTML.
-    pub fn begun(html: &str, has_wide_tables: bool) -> Self {
-        let mut page = Self { text: String::new(), has_wide_tables };
-        page.add(html);
+    /// Returns a page that begins with a verdict: its first line has it as title, its first words are the heading, whose
+    /// colour follows from `class`: met, open or broken. `head` is more of the document's head.
+    pub fn begun(verdict: &str, class: &str, head: &str) -> Self {
+        let verdict = escaped(verdict);
+        let mut page = Self::default();
+        page.add(&format!(
+            "<!DOCTYPE html><html lang=\"en\"><head><meta charset=\"utf-8\"><title>{verdict}</title>\n\
+             <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\n{head}<style>{STYLE}</style></head>\n\
+             <body><h1 class=\"{class}\">{verdict}</h1>"
+        ));
         page
     }
 
@@ -42,18 +61,53 @@ impl Page {
 
     /// Begins a table with its heads.
     pub fn table(&mut self, heads: &[&str]) {
-        let frame = if self.has_wide_tables { "<div class=\"wide\">" } else { "" };
-        self.add(&format!("{frame}<table><thead><tr>{}</tr></thead><tbody>", cells("th", heads)));
+        self.add(&format!("<div class=\"wide\"><table><thead><tr>{}</tr></thead><tbody>", cells("th", heads)));
     }
 
     /// Adds a row.
     pub fn row<S: AsRef<str>>(&mut self, texts: &[S]) {
-        self.add(&format!("<tr>{}</tr>", cells("td", texts)));
+        self.row_of("", texts);
+    }
+
+    /// Adds a row of a class: bad or open.
+    pub fn row_of<S: AsRef<str>>(&mut self, class: &str, texts: &[S]) {
+        let class = if class.is_empty() { String::new() } else { format!(" class=\"{class}\"") };
+        self.add(&format!("<tr{class}>{}</tr>", cells("td", texts)));
     }
 
     /// Ends a table.
     pub fn end_table(&mut self) {
-        self.add(if self.has_wide_tables { "</tbody></table></div>" } else { "</tbody></table>" });
+        self.add("</tbody></table></div>");
+    }
+
+    /// Adds a table of values with their names.
+    pub fn values<S: AsRef<str>>(&mut self, rows: impl IntoIterator<Item = (S, String)>) {
+        self.table(&["what", "value"]);
+        rows.into_iter().for_each(|(what, value)| self.row(&[what.as_ref(), &value]));
+        self.end_table();
+    }
+
+    /// Adds where a result comes from, with at most so many of its files.
+    pub fn provenance(&mut self, from: &Provenance, most_files: usize) {
+        self.heading("Provenance");
+        let seeds: Vec<String> = from.seeds.iter().map(|(name, seed)| format!("{name} {seed}")).collect();
+        let catalogs: Vec<String> = from.catalogs.iter().map(|(name, what)| format!("{name}: {what}")).collect();
+        self.values([
+            ("made", from.made_utc.clone()),
+            ("command line", from.command_line.join(" ")),
+            ("starloop", format!("{}, SHA-256 {}", from.program_version, from.program_sha256)),
+            ("machine", format!("{}, {}, {}", from.host, from.cpu, from.system)),
+            ("seeds", seeds.join(", ")),
+            ("catalogs", catalogs.join(", ")),
+        ]);
+        self.table(&["file as used", "bytes", "SHA-256"]);
+        for file in from.files.iter().take(most_files) {
+            self.row(&[&file.path, &file.bytes.to_string(), &file.sha256]);
+        }
+        self.end_table();
+        if from.files.len() > most_files {
+            self.paragraph(&format!("{} more are in provenance.json.", from.files.len() - most_files));
+        }
     }
 
     /// Adds an SVG that is drawn on white.
@@ -71,6 +125,11 @@ impl Page {
     }
 }
 
+/// Returns the cells of a row; numbers are on the right.
 fn cells<S: AsRef<str>>(kind: &str, texts: &[S]) -> String {
-    texts.iter().map(|text| format!("<{kind}>{}</{kind}>", escaped(text.as_ref()))).collect()
+    let cell = |text: &S| {
+        let class = if text.as_ref().parse::<f64>().is_ok() { " class=\"n\"" } else { "" };
+        format!("<{kind}{class}>{}</{kind}>", escaped(text.as_ref()))
+    };
+    texts.iter().map(cell).collect()
 }

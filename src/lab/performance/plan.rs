@@ -29,17 +29,13 @@ pub struct Plan {
     #[serde(default = "usual_rate")]
     pub frame_rate_hz: f64,
     /// Of intervals.
-    #[serde(default = "usual_confidence")]
-    pub confidence: f64,
+    pub confidence: Option<f64>,
     /// Of performances.
-    #[serde(default = "usual_probability")]
-    pub probability: f64,
+    pub probability: Option<f64>,
     /// Beyond it a solution is false, across the boresight, arcsec.
-    #[serde(default = "usual_directional")]
-    pub false_directional_arcsec: f64,
+    pub false_directional_arcsec: Option<f64>,
     /// The same about the boresight.
-    #[serde(default = "usual_rotational")]
-    pub false_rotational_arcsec: f64,
+    pub false_rotational_arcsec: Option<f64>,
     /// Largest temporal noise per axis across the boresight that exclusion angles allow, arcsec.
     pub exclusion_noise_arcsec: Option<f64>,
     /// File of requirements, relative to the plan.
@@ -60,25 +56,20 @@ pub struct Plan {
 
 /// The tracker that measures the frames.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, default)]
 pub struct TrackerUnderTest {
     /// Which kind.
-    #[serde(default)]
     pub source: Source,
     /// Its name in the report.
     pub name: Option<String>,
     /// Most stars that the built-in tracker measures.
-    #[serde(default = "usual_stars")]
     pub stars: usize,
     /// Milliseconds that the built-in tracker thinks.
-    #[serde(default = "usual_delay")]
     pub delay_ms: f64,
     /// Milliseconds by which time tags of a tracker inside are late: a date error to be studied.
-    #[serde(default)]
     pub tag_error_ms: f64,
     /// A program and its arguments: `{frames}` is the folder of images, `{log}` the log to write, `{camera}` the camera
     /// file.
-    #[serde(default)]
     pub command: Vec<String>,
     /// Figures of the statistical tracker.
     pub model: Option<ModelFigures>,
@@ -86,12 +77,11 @@ pub struct TrackerUnderTest {
 
 impl Default for TrackerUnderTest {
     fn default() -> Self {
-        let (stars, delay_ms) = (usual_stars(), usual_delay());
         Self {
             source: Source::BuiltIn,
             name: None,
-            stars,
-            delay_ms,
+            stars: 40,
+            delay_ms: 50.0,
             tag_error_ms: 0.0,
             command: Vec::new(),
             model: None,
@@ -192,30 +182,6 @@ fn usual_sine() -> f64 {
     1.0
 }
 
-fn usual_stars() -> usize {
-    40
-}
-
-fn usual_delay() -> f64 {
-    50.0
-}
-
-fn usual_confidence() -> f64 {
-    Settings::default().confidence
-}
-
-fn usual_probability() -> f64 {
-    Settings::default().probability
-}
-
-fn usual_directional() -> f64 {
-    Settings::default().false_limit.directional_arcsec
-}
-
-fn usual_rotational() -> f64 {
-    Settings::default().false_limit.rotational_arcsec
-}
-
 /// Largest amplitude of a sine of the line of sight.
 const MOST_SINE_ARCSEC: f64 = 3600.0;
 /// Nearest that twice a sine's frequency may be to a multiple of the frame rate, in frame rates.
@@ -308,10 +274,17 @@ impl Plan {
 
     /// Returns what numbers are said with.
     pub fn settings(&self) -> Settings {
-        let (directional_arcsec, rotational_arcsec) = (self.false_directional_arcsec, self.false_rotational_arcsec);
-        let false_limit = FalseLimit { directional_arcsec, rotational_arcsec };
-        let exclusion_noise_arcsec = self.exclusion_noise_arcsec;
-        Settings { confidence: self.confidence, probability: self.probability, false_limit, exclusion_noise_arcsec }
+        let usual = Settings::default();
+        let FalseLimit { directional_arcsec, rotational_arcsec } = usual.false_limit;
+        Settings {
+            confidence: self.confidence.unwrap_or(usual.confidence),
+            probability: self.probability.unwrap_or(usual.probability),
+            false_limit: FalseLimit {
+                directional_arcsec: self.false_directional_arcsec.unwrap_or(directional_arcsec),
+                rotational_arcsec: self.false_rotational_arcsec.unwrap_or(rotational_arcsec),
+            },
+            exclusion_noise_arcsec: self.exclusion_noise_arcsec,
+        }
     }
 }
 

@@ -11,64 +11,37 @@ use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, HashMap};
 
-/// Purpose of a case, which decides its metrics.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Use {
-    /// Any run: everything that it allows.
-    Run,
-    /// Inertial attitudes, several frames each: temporal noise, bias.
-    Inertial,
-    /// The sky over the whole field, several frames each: spatial errors of long and short period together.
-    FovGrid,
-    /// Shifts by parts of a pixel, several frames each: spatial errors of the period of a pixel.
-    PixelGrid,
-    /// Constant rates: date error, noise, tracking.
-    Slew,
-    /// Attitudes without knowledge: acquisition.
-    LostInSpace,
-    /// A long time: drift.
-    Drift,
-    /// A mounting that drifts with the orbit: thermo-elastic error.
-    ThermoElastic,
-    /// A sine of the line of sight: how much of it the output follows.
-    Bandwidth,
-    /// Something that disturbs: noise, tracking, loss and recovery against its size.
-    Stress,
+base::words! {
+    /// Purpose of a case, which decides its metrics; its words are those of files.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+    #[serde(rename_all = "snake_case")]
+    pub enum Use {
+        /// Any run: everything that it allows.
+        Run = "run",
+        /// Inertial attitudes, several frames each: temporal noise, bias.
+        Inertial = "inertial",
+        /// The sky over the whole field, several frames each: spatial errors of long and short period together.
+        FovGrid = "fov_grid",
+        /// Shifts by parts of a pixel, several frames each: spatial errors of the period of a pixel.
+        PixelGrid = "pixel_grid",
+        /// Constant rates: date error, noise, tracking.
+        Slew = "slew",
+        /// Attitudes without knowledge: acquisition.
+        LostInSpace = "lost_in_space",
+        /// A long time: drift.
+        Drift = "drift",
+        /// A mounting that drifts with the orbit: thermo-elastic error.
+        ThermoElastic = "thermo_elastic",
+        /// A sine of the line of sight: how much of it the output follows.
+        Bandwidth = "bandwidth",
+        /// Something that disturbs: noise, tracking, loss and recovery against its size.
+        Stress = "stress",
+    }
 }
 
 impl Use {
-    /// Every purpose.
-    pub const ALL: &[Self] = &[
-        Self::Run,
-        Self::Inertial,
-        Self::FovGrid,
-        Self::PixelGrid,
-        Self::Slew,
-        Self::LostInSpace,
-        Self::Drift,
-        Self::ThermoElastic,
-        Self::Bandwidth,
-        Self::Stress,
-    ];
     /// Purposes of cases that have metrics of their own.
     pub const EACH_FOR_ITSELF: &[Self] = &[Self::Run, Self::Slew, Self::Stress];
-
-    /// Returns its word in files.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Run => "run",
-            Self::Inertial => "inertial",
-            Self::FovGrid => "fov_grid",
-            Self::PixelGrid => "pixel_grid",
-            Self::Slew => "slew",
-            Self::LostInSpace => "lost_in_space",
-            Self::Drift => "drift",
-            Self::ThermoElastic => "thermo_elastic",
-            Self::Bandwidth => "bandwidth",
-            Self::Stress => "stress",
-        }
-    }
 
     /// Returns its name for people.
     pub const fn words(self) -> &'static str {

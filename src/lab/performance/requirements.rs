@@ -56,29 +56,19 @@ pub enum By {
     Value,
 }
 
-/// Result for a requirement.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Verdict {
-    /// Met, with the report's confidence.
-    Met,
-    /// Not met, with the same.
-    NotMet,
-    /// The interval holds the limit: more frames are needed.
-    NotShown,
-    /// The metric was not measured.
-    NotMeasured,
-}
-
-impl Verdict {
-    /// Returns its words.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Met => "met",
-            Self::NotMet => "NOT MET",
-            Self::NotShown => "not shown",
-            Self::NotMeasured => "not measured",
-        }
+base::words! {
+    /// Result for a requirement.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+    #[serde(rename_all = "snake_case")]
+    pub enum Verdict {
+        /// Met, with the report's confidence.
+        Met = "met",
+        /// Not met, with the same.
+        NotMet = "NOT MET",
+        /// The interval holds the limit: more frames are needed.
+        NotShown = "not shown",
+        /// The metric was not measured.
+        NotMeasured = "not measured",
     }
 }
 
@@ -96,16 +86,18 @@ pub struct Judgement {
     pub needs: Option<Needs>,
 }
 
-/// Verdict on all requirements.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Outcome {
-    /// All are met.
-    Passed,
-    /// None is broken, but not all are shown: more data are needed.
-    NotShown,
-    /// One at least is not met.
-    Failed,
+base::words! {
+    /// Verdict on all requirements; reports begin with its word.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+    #[serde(rename_all = "snake_case")]
+    pub enum Outcome {
+        /// All are met.
+        Passed = "PASSED",
+        /// None is broken, but not all are shown: more data are needed.
+        NotShown = "NOT SHOWN",
+        /// One at least is not met.
+        Failed = "FAILED",
+    }
 }
 
 impl Outcome {
@@ -118,15 +110,6 @@ impl Outcome {
             Self::NotShown
         } else {
             Self::Passed
-        }
-    }
-
-    /// Returns its word, with which reports begin.
-    pub const fn word(self) -> &'static str {
-        match self {
-            Self::Passed => "PASSED",
-            Self::NotShown => "NOT SHOWN",
-            Self::Failed => "FAILED",
         }
     }
 }

@@ -3,7 +3,7 @@
 //! Errors in proportion to something: to the rate (measurement date error), to the displacement by aberration, to time
 //! (drift).
 
-use crate::bias::{across, group_means, stretches_of};
+use crate::bias::{group_means, of_axes, stretches_of};
 use crate::metric::{AXES, AXES_AND_DIRECTIONAL, Kind, Metric, Reading};
 use crate::record::{Judged, JudgedCase, Use};
 use crate::statistics::{Estimate, line, mean};
@@ -14,7 +14,6 @@ use testbed::tracker::{earth_beta, uncorrected_turn};
 pub(crate) const DATE: Kind = Kind {
     id: "measurement_date_error",
     unit: "ms",
-    reading: Reading::Mixed,
     how: "stated time less the time at which the attitude was true: slope of the error across the boresight over the rate",
     uses: &[Use::Slew, Use::Run, Use::Stress],
     ..Kind::USUAL
@@ -29,7 +28,6 @@ pub(crate) const TAG: Kind = Kind {
 };
 pub(crate) const ABERRATION: Kind = Kind {
     id: "aberration_residual",
-    unit: "arcsec",
     reading: Reading::Ensemble,
     how: "part of the largest displacement by the Earth's velocity that is left: slope of the error over the displacement",
     uses: &[Use::LostInSpace, Use::Inertial, Use::Run],
@@ -46,7 +44,6 @@ pub(crate) const DRIFT: Kind = Kind {
 };
 pub(crate) const MDE: Kind = Kind {
     id: "mean_drift_error",
-    unit: "arcsec",
     reading: Reading::Temporal,
     how: "MDE: mean over the last quarter less mean over the first",
     parts: &AXES,
@@ -166,8 +163,6 @@ pub(crate) fn difference(a: Estimate, b: Estimate) -> Estimate {
 
 pub(crate) const THERMO_ELASTIC: Kind = Kind {
     id: "thermo_elastic_error",
-    unit: "arcsec",
-    reading: Reading::Mixed,
     how: "MDE of a drifting mounting: mean over the last fifth of the attitudes less mean over the first; Student's t over attitudes",
     parts: AXES_AND_DIRECTIONAL,
     uses: &[Use::ThermoElastic],
@@ -192,11 +187,7 @@ pub fn thermo_elastic(cases: &[JudgedCase], confidence: f64) -> Vec<Metric> {
         let [first, last] = [of(&means[..each], axis)?, of(&means[means.len() - each..], axis)?];
         Some(difference(last, first))
     };
-    let [Some(x), Some(y), Some(z)] = [change(0), change(1), change(2)] else { return Vec::new() };
-    let metric = |name: &str, estimate: Estimate| THERMO_ELASTIC.of(name, None, estimate.scaled(1.0 / ARCSEC));
-    let mut found: Vec<Metric> = AXES.iter().zip([x, y, z]).map(|(name, axis)| metric(name, axis)).collect();
-    found.push(metric("directional", across(x, y)));
-    found
+    of_axes(&THERMO_ELASTIC, [0, 1, 2].map(change))
 }
 
 #[cfg(test)]

@@ -77,7 +77,8 @@ pub fn confidence_of(probability: f64, failures: u64, trials: u64) -> f64 {
 }
 
 /// Returns the fewest trials without a failure that show `probability` with `confidence`.
-pub fn fewest_trials(probability: f64, confidence: f64) -> u64 {
+#[cfg(test)]
+pub(crate) fn fewest_trials(probability: f64, confidence: f64) -> u64 {
     (0..10_000_000).find(|trials| confidence_of(probability, 0, *trials) >= confidence).unwrap_or(u64::MAX)
 }
 

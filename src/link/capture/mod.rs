@@ -273,11 +273,12 @@ pub const LINE_MAX: usize = 1024;
 pub const BLOCK_MAX: usize = 256 * 1024;
 
 /// Form of a capture file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum CaptureFormat {
     /// candump's log text: CAN only.
     Candump,
     /// pcapng: CAN, serial and plain datagrams.
+    #[default]
     Pcapng,
 }
 

@@ -14,9 +14,10 @@ use config::StartTime;
 use std::sync::Arc;
 
 /// Clock of a run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum RunClockKind {
     /// The bench clock.
+    #[default]
     Real,
     /// Simulated time: the run repeats bit for bit.
     Virtual,

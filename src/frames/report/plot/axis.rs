@@ -133,7 +133,7 @@ fn round_below(value: f64) -> f64 {
 }
 
 /// Returns the smallest of 1, 2, 5 times a power of ten that is not below `value`.
-fn round_above(value: f64) -> f64 {
+pub(in crate::report) fn round_above(value: f64) -> f64 {
     let unit = power(decade(value));
     [1.0, 2.0, 5.0].into_iter().map(|digit| digit * unit).find(|round| *round >= value).unwrap_or(10.0 * unit)
 }

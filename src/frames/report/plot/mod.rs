@@ -15,8 +15,10 @@ mod svg;
 #[cfg(test)]
 mod tests;
 
+pub(super) use axis::round_above;
 pub(super) use layout::colour;
 pub use layout::pareto_front;
+pub(super) use svg::Page;
 pub use svg::to_svg;
 
 /// Spacing of values along an axis.
@@ -113,6 +115,18 @@ impl Series {
 }
 
 impl Chart {
+    /// Returns a chart of series, without the meaning of a ring and without notes.
+    pub fn new(title: impl Into<String>, x: Axis, y: Axis, series: Vec<Series>) -> Self {
+        Self { title: title.into(), x, y, series, ring: String::new(), notes: Vec::new() }
+    }
+
+    /// Returns the chart with one line more below it.
+    #[must_use]
+    pub fn noted(mut self, note: impl Into<String>) -> Self {
+        self.notes.push(note.into());
+        self
+    }
+
     fn has_place_for(&self, point: [f64; 2]) -> bool {
         self.x.has_place_for(point[0]) && self.y.has_place_for(point[1])
     }

@@ -6,22 +6,40 @@ use super::{Chart, Series, Style};
 use base::xml::escaped;
 
 /// Lines of an SVG under construction.
-struct Page {
+#[derive(Default)]
+pub(in crate::report) struct Page {
     text: String,
 }
 
 impl Page {
-    fn line(&mut self, line: &str) {
+    pub(in crate::report) fn line(&mut self, line: &str) {
         self.text.push_str(line);
         self.text.push('\n');
+    }
+
+    pub(in crate::report) fn text_at(&mut self, [x, y]: [f64; 2], anchor: &str, text: &str) {
+        let text = escaped(text);
+        self.line(&format!(r#"<text x="{x:.1}" y="{y:.1}" text-anchor="{anchor}">{text}</text>"#));
+    }
+
+    /// Returns the whole document, with its title above on white.
+    pub(in crate::report) fn document(&self, [width, height]: [f64; 2], left_px: f64, title: &str) -> String {
+        let title = escaped(title);
+        format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height:.0}\" \
+             viewBox=\"0 0 {width} {height:.0}\" role=\"img\" \
+             font-family=\"Helvetica, Arial, 'DejaVu Sans', sans-serif\" font-size=\"12\" fill=\"#222222\">\n\
+             <title>{title}</title>\n<rect width=\"{width}\" height=\"{height:.0}\" fill=\"#ffffff\"/>\n\
+             <text x=\"{left_px}\" y=\"26\" font-size=\"15\" font-weight=\"bold\">{title}</text>\n{}</svg>\n",
+            self.text
+        )
     }
 }
 
 /// Returns the chart as an SVG document.
 pub fn to_svg(chart: &Chart) -> String {
     let layout = Layout::of(chart);
-    let mut page = Page { text: String::new() };
-    write_head(&mut page, chart, &layout);
+    let mut page = Page::default();
     write_axes(&mut page, chart, &layout);
     for style in [Style::Front, Style::DashedLine, Style::Line, Style::Points] {
         for series in chart.series.iter().filter(|series| series.style == style) {
@@ -37,19 +55,7 @@ pub fn to_svg(chart: &Chart) -> String {
         let x_px = layout.left_px;
         page.line(&format!(r##"<text class="note" x="{x_px}" y="{y_px:.1}" fill="#555555">{}</text>"##, escaped(note)));
     }
-    page.line("</svg>");
-    page.text
-}
-
-fn write_head(page: &mut Page, chart: &Chart, layout: &Layout) {
-    let (height, title) = (layout.height_px, escaped(&chart.title));
-    page.line(&format!(
-        r##"<svg xmlns="http://www.w3.org/2000/svg" width="{WIDTH_PX}" height="{height:.0}" viewBox="0 0 {WIDTH_PX} {height:.0}" role="img" font-family="Helvetica, Arial, 'DejaVu Sans', sans-serif" font-size="12" fill="#222222">"##
-    ));
-    page.line(&format!("<title>{title}</title>"));
-    page.line(&format!(r##"<rect width="{WIDTH_PX}" height="{height:.0}" fill="#ffffff"/>"##));
-    let x_px = layout.left_px;
-    page.line(&format!(r#"<text x="{x_px}" y="26" font-size="15" font-weight="bold">{title}</text>"#));
+    page.document([WIDTH_PX, layout.height_px], layout.left_px, &chart.title)
 }
 
 fn write_axes(page: &mut Page, chart: &Chart, layout: &Layout) {
@@ -82,9 +88,7 @@ fn grid_colour(tick: &Tick) -> &'static str {
 }
 
 fn write_tick_label(page: &mut Page, tick: &Tick, x: f64, y: f64, anchor: &str) {
-    let Some(label) = &tick.label else { return };
-    let label = escaped(label);
-    page.line(&format!(r#"<text x="{x:.1}" y="{y:.1}" text-anchor="{anchor}">{label}</text>"#));
+    tick.label.iter().for_each(|label| page.text_at([x, y], anchor, label));
 }
 
 /// Returns the place of a point in the picture, if it has one.

@@ -4,7 +4,7 @@
 //! `crowding.csv`, a chart and a verdict: between two numbers of stars the time grows as their ratio to some power,
 //! which must be at most 1 (a frame has a part that all stars share). A frame's own part is measured without stars.
 
-use crate::chart::scenes::{Movement, Psf, Scene, Stars};
+use crate::chart::scenes::{Movement, STILL, Scene, Stars};
 use crate::chart::stage::{Drawer, Effort, Stage};
 use crate::chart::{Settings, stage};
 use base::refused::Refused;
@@ -49,12 +49,9 @@ fn scene(stars: usize, quick: bool) -> Scene {
         name: "crowding",
         title: "jitter of 0.5 px",
         size_px: if quick { 1024 } else { 2048 },
-        psf: Psf::Gaussian(0.8),
-        line_s: 0.0,
         motion: Movement::Sinusoid { amplitude_px: 0.5, cycles: 2.25 },
         stars: Stars::Field(stars),
-        is_charted: false,
-        note: "",
+        ..STILL
     }
 }
 
@@ -120,14 +117,9 @@ pub fn chart(rows: &[CrowdingRow]) -> Chart {
         series.push(Series::new(format!("{backend}, measured"), Style::Points, group, of(CrowdingRow::total_ms)));
         series.push(Series::new(format!("{backend}, predicted"), Style::DashedLine, group, of(|row| row.predicted_ms)));
     }
-    Chart {
-        title: "Time of a frame by its stars, jitter of 0.5 px".into(),
-        x: Axis::log("stars on the detector"),
-        y: Axis::log("planning and drawing, ms"),
-        series,
-        ring: String::new(),
-        notes: vec!["Gaussian PSF of 0.8 px; medians. The planner's prediction is of planning and drawing.".into()],
-    }
+    let (x, y) = (Axis::log("stars on the detector"), Axis::log("planning and drawing, ms"));
+    Chart::new("Time of a frame by its stars, jitter of 0.5 px", x, y, series)
+        .noted("Gaussian PSF of 0.8 px; medians. The planner's prediction is of planning and drawing.")
 }
 
 /// Returns lines for a terminal.

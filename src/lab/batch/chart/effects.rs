@@ -6,7 +6,7 @@
 //! and without alternate, so that other load on the machine affects both; medians. An effect that is off takes no time,
 //! because none of its code runs: "without" means a camera that does not name it.
 
-use crate::chart::scenes::{Movement, Psf, Scene, Stars};
+use crate::chart::scenes::{STILL, Scene, Stars};
 use crate::chart::stage;
 use crate::chart::stage::{Drawer, EXPOSURE_S, Stage};
 use base::image::{DnImage, Image};
@@ -58,12 +58,8 @@ fn scene(quick: bool) -> Scene {
         name: "effects",
         title: "stars at rest",
         size_px: if quick { 256 } else { 1024 },
-        psf: Psf::Gaussian(0.8),
-        line_s: 0.0,
-        motion: Movement::Still,
         stars: Stars::Field(if quick { 200 } else { 2000 }),
-        is_charted: false,
-        note: "",
+        ..STILL
     }
 }
 

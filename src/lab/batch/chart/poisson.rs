@@ -97,17 +97,10 @@ pub fn chart(rows: &[PoissonRow]) -> Chart {
         format!("{method} {least:.1} to {most:.1}")
     };
     let costs: Vec<String> = PoissonMethod::ALL.into_iter().map(cost).collect();
-    Chart {
-        title: "Poisson methods: distance from the law".into(),
-        x: Axis::log("mean, electrons"),
-        y: Axis::log("Kolmogorov distance"),
-        series,
-        ring: String::new(),
-        notes: vec![
-            "Computed from the distributions that are drawn, not sampled; dashed: the bound. auto is inversion below 20 \
-             electrons and cornish-fisher from there."
-                .into(),
-            format!("Time per pixel on one thread, ns: {}.", costs.join(", ")),
-        ],
-    }
+    let (x, y) = (Axis::log("mean, electrons"), Axis::log("Kolmogorov distance"));
+    let what = "Computed from the distributions that are drawn, not sampled; dashed: the bound. auto is inversion below 20 \
+                electrons and cornish-fisher from there.";
+    Chart::new("Poisson methods: distance from the law", x, y, series)
+        .noted(what)
+        .noted(format!("Time per pixel on one thread, ns: {}.", costs.join(", ")))
 }

@@ -86,16 +86,11 @@ fn chart(rows: &[PredictionRow], motion: &str, title: &str) -> Chart {
         series.push(Series::new(name, Style::Points, group, points(|row| row.error_arcsec)));
         series.push(Series::new(format!("{name}, bound"), Style::DashedLine, group, points(|row| row.bound_arcsec)));
     }
-    Chart {
-        title: format!("Attitude between samples: {title}"),
-        x: Axis::log("time since the sample (interpolation: between samples), ms"),
-        y: Axis::log("largest error, arcsec"),
-        series,
-        ring: String::new(),
-        notes: vec![format!(
-            "Perfect samples, worst of 96 starts; dashed: the bound. Left out: {unseen} errors below 1e-8 arcsec, which \
-             are rounding, and {unbound} bounds outside a method's domain (interpolation: sinusoids below half the \
-             sample rate)."
-        )],
-    }
+    let x = Axis::log("time since the sample (interpolation: between samples), ms");
+    let title = format!("Attitude between samples: {title}");
+    Chart::new(title, x, Axis::log("largest error, arcsec"), series).noted(format!(
+        "Perfect samples, worst of 96 starts; dashed: the bound. Left out: {unseen} errors below 1e-8 arcsec, which \
+         are rounding, and {unbound} bounds outside a method's domain (interpolation: sinusoids below half the \
+         sample rate)."
+    ))
 }

@@ -65,18 +65,11 @@ pub fn chart(rows: &[MethodRow]) -> Chart {
         series.push(Series::new("", Style::Line, group, points(|row| row.centroid_px)));
         series.push(Series::new("", Style::DashedLine, group, points(|row| row.bound_centroid_px)));
     }
-    Chart {
-        title: format!("PSF sampling without motion, {backend} backend"),
-        x: Axis::linear("standard deviation of the PSF, px"),
-        y: Axis::log("5 x 5 centroid error, px"),
-        series,
-        ring: String::new(),
-        notes: vec![
-            "Worst of twelve stars against the f64 reference; dashed: the bound known before drawing. auto draws a \
-             Gaussian's exact pixel integrals. More samplings in sampling.csv."
-                .into(),
-        ],
-    }
+    let (x, y) = (Axis::linear("standard deviation of the PSF, px"), Axis::log("5 x 5 centroid error, px"));
+    Chart::new(format!("PSF sampling without motion, {backend} backend"), x, y, series).noted(
+        "Worst of twelve stars against the f64 reference; dashed: the bound known before drawing. auto draws a \
+         Gaussian's exact pixel integrals. More samplings in sampling.csv.",
+    )
 }
 
 // Light outside a square footprint, against its half-width: summed pixel by pixel, and the bound.
@@ -151,15 +144,9 @@ pub fn footprint_chart(rows: &[FootprintRow]) -> Chart {
         series.push(Series::new(name, Style::Points, group, found));
         series.push(Series::new(format!("{name}, bound"), Style::DashedLine, group, bounds));
     }
-    Chart {
-        title: "Light beyond the footprint".into(),
-        x: Axis::log("half-width of the footprint, px"),
-        y: Axis::log("share of the star's light that is lost"),
-        series,
-        ring: String::new(),
-        notes: vec![format!(
-            "Pixels summed in f64, worst of a star in the middle, on an edge and on a corner of its pixel; {unseen} \
-             footprints that lose less than 1e-13 are left out."
-        )],
-    }
+    let (x, y) = (Axis::log("half-width of the footprint, px"), Axis::log("share of the star's light that is lost"));
+    Chart::new("Light beyond the footprint", x, y, series).noted(format!(
+        "Pixels summed in f64, worst of a star in the middle, on an edge and on a corner of its pixel; {unseen} \
+         footprints that lose less than 1e-13 are left out."
+    ))
 }

@@ -76,7 +76,8 @@ pub enum Stars {
     Field(usize),
 }
 
-const STILL: Scene = Scene {
+/// No motion; other scenes differ from it.
+pub const STILL: Scene = Scene {
     name: "still",
     title: "no motion",
     size_px: 128,

@@ -220,17 +220,10 @@ pub fn error_by_nodes_chart(rows: &[MethodRow], scene: &Scene, backend: &str) ->
             points(|row| row.bound_centroid_px),
         ));
     }
-    Chart {
-        title: format!("{}: error by number of nodes, {backend} backend", scene.title),
-        x: Axis::log("nodes per star"),
-        y: Axis::log("5 x 5 centroid error, px"),
-        series,
-        ring: String::new(),
-        notes: vec![
-            "Worst star against the f64 reference; dashed: the bound known before drawing. Segments carry two nodes each."
-                .into(),
-        ],
-    }
+    let title = format!("{}: error by number of nodes, {backend} backend", scene.title);
+    Chart::new(title, Axis::log("nodes per star"), Axis::log("5 x 5 centroid error, px"), series).noted(
+        "Worst star against the f64 reference; dashed: the bound known before drawing. Segments carry two nodes each.",
+    )
 }
 
 // Centroid error against time: all methods on one scene by one backend, the Pareto front, the planner's choice.

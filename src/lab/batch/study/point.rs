@@ -119,23 +119,18 @@ fn phase_margin(study: &Study, points: &[StudyPoint]) -> Chart {
     };
     let built = |delay_s: f64| study.paper.with_delay(delay_s).phase_margin_rad();
     let textbook = |delay_s: f64| study.paper.with_delay(delay_s).textbook.phase_margin_rad();
-    Chart {
-        title: "Phase margin against latency, measured over pixels".into(),
-        x: Axis::linear("latency injected, ms"),
-        y: Axis::linear("phase margin, deg"),
-        series: vec![
-            Series::new("theory", Style::Line, 0, curve(&built)),
-            Series::new("theory without the gyro's mean", Style::DashedLine, 6, curve(&textbook)),
-            Series::new("delay of the torque", Style::Points, 1, measured(of(points, PHASE_MARGIN, ACTUATION_DELAY))),
-            Series::new("delay of the tracker", Style::Points, 2, measured(of(points, PHASE_MARGIN, TRACKER_DELAY))),
-        ],
-        ring: String::new(),
-        notes: vec![format!(
-            "Sines of torque about the crossover of {:.3} Hz; 1/S - 1 on the true attitude. Zero at {margin_ms:.0} ms on \
-             paper. The tracker's delay is known by its time tags and costs no margin.",
-            study.bandwidth_hz()
-        )],
-    }
+    let series = vec![
+        Series::new("theory", Style::Line, 0, curve(&built)),
+        Series::new("theory without the gyro's mean", Style::DashedLine, 6, curve(&textbook)),
+        Series::new("delay of the torque", Style::Points, 1, measured(of(points, PHASE_MARGIN, ACTUATION_DELAY))),
+        Series::new("delay of the tracker", Style::Points, 2, measured(of(points, PHASE_MARGIN, TRACKER_DELAY))),
+    ];
+    let (x, y) = (Axis::linear("latency injected, ms"), Axis::linear("phase margin, deg"));
+    Chart::new("Phase margin against latency, measured over pixels", x, y, series).noted(format!(
+        "Sines of torque about the crossover of {:.3} Hz; 1/S - 1 on the true attitude. Zero at {margin_ms:.0} ms on \
+         paper. The tracker's delay is known by its time tags and costs no margin.",
+        study.bandwidth_hz()
+    ))
 }
 
 fn rejection(study: &Study, points: &[StudyPoint]) -> Chart {
@@ -150,23 +145,18 @@ fn rejection(study: &Study, points: &[StudyPoint]) -> Chart {
         [hz, left(hz)]
     };
     let bandwidth_hz = study.bandwidth_hz();
-    Chart {
-        title: "What the loop leaves of base jitter, measured over pixels".into(),
-        x: Axis::log("frequency of the jitter, Hz"),
-        y: Axis::log("pointing error over the jitter of a free body"),
-        series: vec![
-            Series::new("theory |S|", Style::Line, 0, (0..=CURVE_POINTS).map(curve).collect()),
-            Series::new("bandwidth", Style::DashedLine, 6, vec![[bandwidth_hz, left(low)], [bandwidth_hz, 2.0]]),
-            Series::new("measured, judged", Style::Points, 1, split(|verdict| verdict != Agreement::Reported)),
-            Series::new("measured above the bandwidth", Style::Points, 4, split(|verdict| verdict == Agreement::Reported)),
-        ],
-        ring: String::new(),
-        notes: vec![
-            "Torque J A w^2 sin(w t) from outside; true attitude. Theory is a rigid body: near a flexible mode the body \
-             itself turns more or less."
-                .into(),
-        ],
-    }
+    let series = vec![
+        Series::new("theory |S|", Style::Line, 0, (0..=CURVE_POINTS).map(curve).collect()),
+        Series::new("bandwidth", Style::DashedLine, 6, vec![[bandwidth_hz, left(low)], [bandwidth_hz, 2.0]]),
+        Series::new("measured, judged", Style::Points, 1, split(|verdict| verdict != Agreement::Reported)),
+        Series::new("measured above the bandwidth", Style::Points, 4, split(|verdict| verdict == Agreement::Reported)),
+    ];
+    let x = Axis::log("frequency of the jitter, Hz");
+    let y = Axis::log("pointing error over the jitter of a free body");
+    Chart::new("What the loop leaves of base jitter, measured over pixels", x, y, series).noted(
+        "Torque J A w^2 sin(w t) from outside; true attitude. Theory is a rigid body: near a flexible mode the body \
+         itself turns more or less.",
+    )
 }
 
 fn pointing_error(points: &[StudyPoint]) -> Chart {
@@ -177,20 +167,17 @@ fn pointing_error(points: &[StudyPoint]) -> Chart {
         line
     };
     let found = |varied: &'static str| measured(of(points, POINTING_ERROR, varied));
-    Chart {
-        title: "Pointing error at rest against latency, measured over pixels".into(),
-        x: Axis::linear("latency injected, ms"),
-        y: Axis::log("rms of the boresight about its mean, arcsec"),
-        series: vec![
-            Series::new("theory, delay of the torque", Style::Line, 1, predicted(ACTUATION_DELAY)),
-            Series::new("measured, delay of the torque", Style::Points, 1, found(ACTUATION_DELAY)),
-            Series::new("theory, delay of the tracker", Style::Line, 2, predicted(TRACKER_DELAY)),
-            Series::new("measured, delay of the tracker", Style::Points, 2, found(TRACKER_DELAY)),
-        ],
-        ring: String::new(),
-        notes: vec!["Both axes together. Theory: tracker and gyro noise through estimator and loop. All points have the same seeds, so \
-                     they share their scatter of some percent.".into()],
-    }
+    let series = vec![
+        Series::new("theory, delay of the torque", Style::Line, 1, predicted(ACTUATION_DELAY)),
+        Series::new("measured, delay of the torque", Style::Points, 1, found(ACTUATION_DELAY)),
+        Series::new("theory, delay of the tracker", Style::Line, 2, predicted(TRACKER_DELAY)),
+        Series::new("measured, delay of the tracker", Style::Points, 2, found(TRACKER_DELAY)),
+    ];
+    let (x, y) = (Axis::linear("latency injected, ms"), Axis::log("rms of the boresight about its mean, arcsec"));
+    Chart::new("Pointing error at rest against latency, measured over pixels", x, y, series).noted(
+        "Both axes together. Theory: tracker and gyro noise through estimator and loop. All points have the same seeds, so \
+         they share their scatter of some percent.",
+    )
 }
 
 /// Returns lines for a terminal.

@@ -75,15 +75,6 @@ impl Comparison {
     }
 }
 
-/// Returns the largest relative difference between the measured response and the one stated by a file, from 5 to 95 %
-/// of saturation. Both are relative to their own slope at the first point of that range.
-pub fn response_error(points: &[LightPoint], saturation_e: f64, seen_e: impl Fn(f64) -> f64) -> f64 {
-    let judged = points.iter().filter(|p| (0.05..=0.95).contains(&(p.light_e / saturation_e)));
-    let ratio = |p: &LightPoint| p.signal_dn / seen_e(p.light_e);
-    let first = judged.clone().next().map_or(f64::NAN, ratio);
-    judged.map(|p| (ratio(p) / first - 1.0).abs()).fold(0.0, f64::max)
-}
-
 /// Values of a file in the terms of the sheet.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stated {
@@ -155,22 +146,15 @@ impl DataSheet {
     pub fn chart(&self, camera: &str) -> Chart {
         let measured = self.points.iter().map(|p| [p.signal_dn, p.variance_dn2]).collect();
         let line = |p: &LightPoint| [p.signal_dn, p.signal_dn / self.gain_e_per_dn];
-        Chart {
-            title: format!("Photon transfer of {camera}"),
-            x: Axis::log("signal over the dark level, DN"),
-            y: Axis::log("temporal variance over that of the dark, DN^2"),
-            series: vec![
-                Series::new("pairs of flats", Style::Points, 0, measured),
-                Series::new(
-                    format!("slope 1 / {:.4} e-/DN", self.gain_e_per_dn),
-                    Style::Line,
-                    1,
-                    self.points.iter().map(line).collect(),
-                ),
-            ],
-            ring: String::new(),
-            notes: vec!["EMVA 1288: the slope up to 70 % of saturation is the reciprocal gain.".into()],
-        }
+        let slope = format!("slope 1 / {:.4} e-/DN", self.gain_e_per_dn);
+        let series = vec![
+            Series::new("pairs of flats", Style::Points, 0, measured),
+            Series::new(slope, Style::Line, 1, self.points.iter().map(line).collect()),
+        ];
+        let x = Axis::log("signal over the dark level, DN");
+        let y = Axis::log("temporal variance over that of the dark, DN^2");
+        Chart::new(format!("Photon transfer of {camera}"), x, y, series)
+            .noted("EMVA 1288: the slope up to 70 % of saturation is the reciprocal gain.")
     }
 }
 

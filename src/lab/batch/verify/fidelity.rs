@@ -22,6 +22,7 @@ use image::detector::line_pattern::Lines;
 use image::detector::{Detector, Patterns};
 use plan::exposure::{Source, SourcePlace};
 use plan::optics::PsfModel;
+use serde::Serialize;
 use std::sync::Arc;
 
 /// Parameters of the frames that truth needs.
@@ -106,7 +107,7 @@ impl Truth {
 }
 
 /// Stars of one brightness.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct FidelityRow {
     /// Electrons of each star.
     pub electrons: f64,
@@ -117,10 +118,12 @@ pub struct FidelityRow {
     /// Relative error of the measured one.
     pub snr_error: f64,
     /// Its standard error.
+    #[serde(skip)]
     pub snr_se: f64,
     /// Mean distance of the centroid from truth, along the worse axis, px.
     pub centroid_bias_px: f64,
     /// Its standard error.
+    #[serde(rename = "centroid_bias_standard_error_px")]
     pub centroid_bias_se_px: f64,
     /// True scatter of a centroid along one axis, px rms.
     pub scatter_px: f64,

@@ -8,14 +8,7 @@ use crate::{assess::Assessment, metric::Metric, noise::SINE, provenance::FileHas
 use base::{units::ARCSEC, xml::escaped};
 use core::fmt::Write;
 use frames::report::plot::{Axis, Scale, Series, Style};
-use frames::report::{Chart, to_svg};
-
-const STYLE: &str = "body{font:15px/1.45 Helvetica,Arial,'DejaVu Sans',sans-serif;color:#222;background:#fff;max-width:72em;margin:1.5em auto;padding:0 1em}\
-h1{font-size:1.25em;padding:.6em .8em;border-radius:4px;color:#fff}.met{background:#00694e}.open{background:#7a5a00}.broken{background:#a83a00}\
-h2{font-size:1.1em;margin:1.8em 0 .4em;border-bottom:1px solid #ccc}table{border-collapse:collapse;font-size:.86em;margin:.4em 0}\
-th,td{text-align:left;padding:.22em .7em;border-bottom:1px solid #e3e3e3;vertical-align:top}td.n{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}\
-th{background:#f3f3f3}tr.bad td{background:#fff1ea}tr.open td{background:#fff8dc;color:inherit}code{font-size:.92em;word-break:break-all}.how{display:block;color:#555;min-width:20em;max-width:44em}td.sign{min-width:14em;height:2.2em}\
-svg{max-width:100%;height:auto;margin:.6em 0}p.small{color:#555;font-size:.86em}@media print{body{max-width:none}table{width:100%}h1{print-color-adjust:exact;-webkit-print-color-adjust:exact}h2{break-after:avoid}svg{break-inside:avoid}}";
+use frames::report::{Chart, junit, to_svg};
 
 /// Returns the report as HTML; `data` is the hash of the report as JSON beside it.
 pub fn to_html(report: &Report, assessment: &Assessment, data: &FileHash) -> String {
@@ -24,12 +17,7 @@ pub fn to_html(report: &Report, assessment: &Assessment, data: &FileHash) -> Str
         Outcome::NotShown => "open",
         Outcome::Failed => "broken",
     };
-    let verdict = escaped(&report.verdict);
-    let head = format!(
-        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{verdict}</title>\n<style>{STYLE}</style></head>\n\
-         <body><h1 class=\"{class}\">{verdict}</h1>"
-    );
-    let mut page = Page::begun(&head, false);
+    let mut page = Page::begun(&report.verdict, class, "");
     paperwork(&mut page, report, data);
     statement(&mut page, report);
     requirements(&mut page, report);
@@ -40,28 +28,24 @@ pub fn to_html(report: &Report, assessment: &Assessment, data: &FileHash) -> Str
     meanings(&mut page, report.metrics.iter().filter(|metric| metric.case.is_some()));
     conditions(&mut page, report);
     cases(&mut page, &report.cases);
-    provenance(&mut page, report);
+    page.provenance(&report.provenance, usize::MAX);
     page.end()
 }
 
 /// Unit, author, date, hash of the data, and the place to sign.
 fn paperwork(page: &mut Page, report: &Report, data: &FileHash) {
     let document = &report.document;
-    let given = |text: &Option<String>| text.as_deref().map_or_else(|| "-".to_owned(), escaped);
-    page.add("<table><tbody>");
+    page.table(&[]);
     for (what, text) in [
         ("unit under test", &document.unit),
         ("serial number", &document.serial_number),
         ("author", &document.author),
         ("date of test", &document.date_of_test),
     ] {
-        page.add(&format!("<tr><td>{what}</td><td>{}</td></tr>", given(text)));
+        page.row(&[what, text.as_deref().unwrap_or("-")]);
     }
-    page.add(&format!(
-        "<tr><td>data of this report</td><td>{}, SHA-256 <code>{}</code></td></tr>",
-        escaped(&data.path),
-        data.sha256
-    ));
+    page.row(&["data of this report", &format!("{}, SHA-256 {}", data.path, data.sha256)]);
+    page.row(&["form of this report", report.schema]);
     page.add("<tr><td>approved by, date, signature</td><td class=\"sign\"></td></tr>");
     page.end_table();
 }
@@ -91,18 +75,12 @@ fn requirements(page: &mut Page, report: &Report) {
         let requirement = &judgement.requirement;
         let class = match judgement.verdict {
             Verdict::Met => "",
-            Verdict::NotMet => " class=\"bad\"",
-            Verdict::NotShown | Verdict::NotMeasured => " class=\"open\"",
+            Verdict::NotMet => "bad",
+            Verdict::NotShown | Verdict::NotMeasured => "open",
         };
-        page.add(&format!(
-            "<tr{class}><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
-            escaped(&requirement.id),
-            escaped(&requirement.text),
-            judgement.verdict.name(),
-            rule(judgement),
-            escaped(&measured(judgement)),
-            escaped(&missing(judgement)),
-        ));
+        let (verdict, rule) = (judgement.verdict.name(), rule(judgement));
+        let (measured, missing) = (measured(judgement), missing(judgement));
+        page.row_of(class, &[requirement.id.as_str(), &requirement.text, verdict, rule, &measured, &missing]);
     }
     page.end_table();
 }
@@ -154,11 +132,7 @@ fn meanings<'a>(page: &mut Page, metrics: impl Iterator<Item = &'a Metric>) {
 
 fn conditions(page: &mut Page, report: &Report) {
     page.heading("Conditions");
-    page.table(&["what", "value"]);
-    for (what, value) in &report.conditions {
-        page.row(&[what, value]);
-    }
-    page.end_table();
+    page.values(report.conditions.iter().cloned());
 }
 
 fn cases(page: &mut Page, cases: &[CaseRow]) {
@@ -179,50 +153,11 @@ fn cases(page: &mut Page, cases: &[CaseRow]) {
         let conditions: Vec<String> =
             case.conditions.iter().map(|(key, value)| format!("{key} {}", number(*value))).collect();
         let nothing = case.frames - case.right - case.wrong;
-        page.add(&format!(
-            "<tr><td>{}</td><td>{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td>\
-             <td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{nothing}</td><td class=\"n\">{}</td><td>{}</td></tr>",
-            escaped(&case.name),
-            case.purpose.words(),
-            number(case.duration_s),
-            case.frames,
-            case.missing_frames,
-            case.right,
-            case.wrong,
-            case.stray_rows,
-            escaped(&conditions.join("; ")),
-        ));
-    }
-    page.end_table();
-}
-
-fn provenance(page: &mut Page, report: &Report) {
-    let from = &report.provenance;
-    page.heading("Provenance");
-    page.table(&["what", "value"]);
-    let seeds: Vec<String> = from.seeds.iter().map(|(name, seed)| format!("{name} {seed}")).collect();
-    let catalogs: Vec<String> = from.catalogs.iter().map(|(name, what)| format!("{name}: {what}")).collect();
-    let rows = [
-        ("made", from.made_utc.clone()),
-        ("command line", from.command_line.join(" ")),
-        ("starloop", format!("{}, SHA-256 {}", from.program_version, from.program_sha256)),
-        ("machine", format!("{}, {}, {}", from.host, from.cpu, from.system)),
-        ("seeds", seeds.join(", ")),
-        ("catalogs", catalogs.join(", ")),
-        ("form of this report", report.schema.to_owned()),
-    ];
-    for (what, value) in rows {
-        page.add(&format!("<tr><td>{what}</td><td><code>{}</code></td></tr>", escaped(&value)));
-    }
-    page.end_table();
-    page.table(&["file", "bytes", "SHA-256"]);
-    for file in &from.files {
-        page.add(&format!(
-            "<tr><td>{}</td><td class=\"n\">{}</td><td><code>{}</code></td></tr>",
-            escaped(&file.path),
-            file.bytes,
-            escaped(&file.sha256)
-        ));
+        let counts = [case.frames, case.missing_frames, case.right, case.wrong, nothing, case.stray_rows];
+        let mut cells = vec![case.name.clone(), case.purpose.words().to_owned(), number(case.duration_s)];
+        cells.extend(counts.iter().map(usize::to_string));
+        cells.push(conditions.join("; "));
+        page.row(&cells);
     }
     page.end_table();
 }
@@ -248,10 +183,6 @@ pub(super) fn plots(report: &Report, assessment: &Assessment) -> Vec<String> {
     charts.extend(ratios(report, cases));
     charts.extend(sweeps(report));
     charts.iter().filter(|chart| chart.series.iter().any(|series| !series.points.is_empty())).map(to_svg).collect()
-}
-
-fn chart(title: impl Into<String>, x: Axis, y: Axis, series: Vec<Series>) -> Chart {
-    Chart { title: title.into(), x, y, series, ring: String::new(), notes: Vec::new() }
 }
 
 /// Every n-th point, so that at most [`MOST_POINTS`] are left, and all gaps.
@@ -291,7 +222,7 @@ fn errors_in_time(case: &JudgedCase) -> Chart {
     if !faults.is_empty() {
         all.push(Series::new("commanded fault", Style::Front, 0, faults));
     }
-    chart(format!("Error in time: {}", case.name), Axis::linear("time, s"), Axis::linear("error, arcsec"), all)
+    Chart::new(format!("Error in time: {}", case.name), Axis::linear("time, s"), Axis::linear("error, arcsec"), all)
 }
 
 fn across(cases: &[JudgedCase]) -> Chart {
@@ -312,7 +243,7 @@ fn across(cases: &[JudgedCase]) -> Chart {
     ];
     let shown = all.into_iter().filter(|series| !series.points.is_empty()).collect();
     let axis = |name: &str| Axis::linear(format!("error about {name}, arcsec"));
-    chart("Errors across the boresight", axis("x"), axis("y"), shown)
+    Chart::new("Errors across the boresight", axis("x"), axis("y"), shown)
 }
 
 fn cumulative(cases: &[JudgedCase]) -> Chart {
@@ -331,7 +262,7 @@ fn cumulative(cases: &[JudgedCase]) -> Chart {
         Series::new("directional", Style::Line, 0, of(|error| error.x.hypot(error.y))),
         Series::new("rotational", Style::Line, 1, of(|error| error.z.abs())),
     ];
-    chart("Share of attitudes with a smaller error", Axis::log("error, arcsec"), Axis::share("share"), all)
+    Chart::new("Share of attitudes with a smaller error", Axis::log("error, arcsec"), Axis::share("share"), all)
 }
 
 fn acquisition(cases: &[JudgedCase]) -> Option<Chart> {
@@ -346,7 +277,7 @@ fn acquisition(cases: &[JudgedCase]) -> Option<Chart> {
     let points = (0..=longest).map(|frames| [frames as f64, share(frames)]).collect();
     let all = vec![Series::new("found", Style::Line, 2, points)];
     let (x, y) = (Axis::linear("frames"), Axis::share("share of attitudes"));
-    Some(chart("Acquisition from lost in space", x, y, all))
+    Some(Chart::new("Acquisition from lost in space", x, y, all))
 }
 
 /// The amplitude ratio over the frequency, and that of the exposure alone.
@@ -368,7 +299,7 @@ fn ratios(report: &Report, cases: &[JudgedCase]) -> Option<Chart> {
         Series::new("exposure alone", Style::Line, 1, exposure.collect()),
     ];
     let (x, y) = (Axis::linear("frequency, Hz"), Axis::linear("output over line of sight"));
-    Some(chart("Amplitude ratio", x, y, all))
+    Some(Chart::new("Amplitude ratio", x, y, all))
 }
 
 /// A sweep: cases that share what their names begin with and the key of a value.
@@ -390,7 +321,8 @@ fn sweeps(report: &Report) -> Vec<Chart> {
             cases.filter_map(value).collect()
         };
         let tracking = vec![Series::new("tracking probability", Style::Line, 0, of("tracking_probability"))];
-        charts.push(chart(format!("{stem}: tracking"), Axis::linear(key), Axis::share("share of frames"), tracking));
+        let share = Axis::share("share of frames");
+        charts.push(Chart::new(format!("{stem}: tracking"), Axis::linear(key), share, tracking));
         let noise = [
             ("across, per axis", "temporal_noise.directional_per_axis"),
             ("about the boresight", "temporal_noise.rotational"),
@@ -398,7 +330,7 @@ fn sweeps(report: &Report) -> Vec<Chart> {
         let noise =
             noise.into_iter().enumerate().map(|(group, (name, id))| Series::new(name, Style::Line, group, of(id)));
         let y = Axis { label: "1 sigma, arcsec".into(), scale: Scale::Log };
-        charts.push(chart(format!("{stem}: temporal noise"), Axis::linear(key), y, noise.collect()));
+        charts.push(Chart::new(format!("{stem}: temporal noise"), Axis::linear(key), y, noise.collect()));
     }
     charts
 }
@@ -420,31 +352,19 @@ fn metric<'a>(report: &'a Report, id: &str, case: &str) -> Option<&'a Metric> {
 
 /// Returns the document.
 pub fn to_junit(report: &Report) -> String {
-    let count = |wanted: &[Verdict]| report.requirements.iter().filter(|one| wanted.contains(&one.verdict)).count();
-    let mut text = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n");
-    let _ = writeln!(
-        text,
-        "<testsuites>\n<testsuite name=\"{}\" tests=\"{}\" failures=\"{}\" errors=\"{}\" skipped=\"0\">",
-        escaped(&report.title),
-        report.requirements.len(),
-        count(&[Verdict::NotMet]),
-        count(&[Verdict::NotShown, Verdict::NotMeasured])
-    );
-    report.requirements.iter().for_each(|judgement| write_case(&mut text, judgement));
-    text + "</testsuite>\n</testsuites>\n"
+    junit::document(&report.title, None, &report.requirements.iter().map(test_case).collect::<Vec<_>>())
 }
 
-fn write_case(text: &mut String, judgement: &Judgement) {
+fn test_case(judgement: &Judgement) -> (String, String) {
     let name = escaped(&format!("{} {}", judgement.requirement.id, judgement.requirement.text));
-    let head = format!("<testcase classname=\"tracker\" name=\"{}\"", name.trim());
-    let _text_only_grows = if judgement.verdict == Verdict::Met {
-        writeln!(text, "{head}/>")
+    let body = if judgement.verdict == Verdict::Met {
+        String::new()
     } else {
         let missing = missing(judgement);
         let separator = if missing.is_empty() { "" } else { "; " };
         let message = escaped(&format!("{}{separator}{missing}", measured(judgement)));
         let element = if judgement.verdict == Verdict::NotMet { "failure" } else { "error" };
-        let kind = escaped(judgement.verdict.name());
-        writeln!(text, "{head}><{element} type=\"{kind}\" message=\"{message}\"/></testcase>")
+        format!("<{element} type=\"{}\" message=\"{message}\"/>", escaped(judgement.verdict.name()))
     };
+    (format!("classname=\"tracker\" name=\"{}\"", name.trim()), body)
 }

@@ -140,7 +140,7 @@ fn duration_s(case: &JudgedCase) -> f64 {
 
 fn verdict(title: &str, requirements: &[Judgement], assessment: &Assessment) -> String {
     let count = |verdict: Verdict| requirements.iter().filter(|judgement| judgement.verdict == verdict).count();
-    let word = Outcome::of(requirements).word();
+    let word = Outcome::of(requirements).name();
     let noun = if requirements.len() == 1 { "requirement" } else { "requirements" };
     let mut parts = vec![format!("{} of {} {noun} met", count(Verdict::Met), requirements.len())];
     for verdict in [Verdict::NotMet, Verdict::NotShown, Verdict::NotMeasured] {
