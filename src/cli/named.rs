@@ -191,7 +191,7 @@ fn of_kernel(path: &Path, _kernels: &KernelArgs) -> Result<AttitudeHistory> {
     )
 }
 
-// Words of a command line that stand for a value.
+// Words of a command line for a value.
 
 /// Returns a reader of words: each has a meaning, which the help states, and a value.
 pub(super) fn one_of<T: Clone + Send + Sync + 'static>(

@@ -126,7 +126,8 @@ fn files_contain_the_degradation_of_the_frame() {
     recorder.finish().unwrap();
     #[derive(serde::Deserialize)]
     struct Row {
-        rung: String,
+        #[serde(rename = "rung")]
+        degradation: String,
         left_out_stars: usize,
         left_out_e: f64,
     }
@@ -134,7 +135,7 @@ fn files_contain_the_degradation_of_the_frame() {
     assert_eq!(rows.len(), frames.len());
     for (row, Kept { meta, .. }) in rows.iter().zip(&frames) {
         assert_eq!(
-            (row.rung.as_str(), row.left_out_stars),
+            (row.degradation.as_str(), row.left_out_stars),
             (meta.degradation.name(), meta.left_out_stars),
             "frames.csv"
         );

@@ -11,7 +11,7 @@ use std::process::Command;
 pub(crate) type Graph = BTreeMap<String, BTreeSet<String>>;
 
 /// Crates above the laboratory: they open it to users.
-const DOORS: &[&str] = &["starloop", "python"];
+const INTERFACES: &[&str] = &["starloop", "python"];
 /// Crates that the simulated far end of the cable checks, and so must not share.
 const CHECKED_BY_TESTBED: &[&str] = &["sky", "plan", "image", "frames", "outputs", "run"];
 /// The only crates that speak to the graphics interface.
@@ -136,9 +136,9 @@ fn the_testbed_cannot_reach_what_it_checks() {
     }
 }
 
-/// Crates outside the laboratory that reach it, doors aside.
+/// Crates outside the laboratory that reach it, interfaces aside.
 fn breaches(graph: &Graph, laboratory: &BTreeSet<String>) -> Vec<String> {
-    let mission = graph.keys().filter(|name| !laboratory.contains(*name) && !DOORS.contains(&name.as_str()));
+    let mission = graph.keys().filter(|name| !laboratory.contains(*name) && !INTERFACES.contains(&name.as_str()));
     mission.filter(|name| !reached_from(name, graph).is_disjoint(laboratory)).cloned().collect()
 }
 

@@ -26,7 +26,7 @@ const WITH_REASON: [(&str, &str); 25] = [
     ("cli/catalog/hats.rs", PARTS),
     ("histories/parquet_table.rs", PARTS),
     ("histories/read.rs", PARTS),
-    ("imports/hats/file.rs", PARTS),
+    ("lab/imports/hats/file.rs", PARTS),
     ("link/capture/mod.rs", PARTS),
     ("run/wiring/replay/captured_links.rs", PARTS),
     ("run/wiring/replay/completeness.rs", PARTS),
@@ -35,7 +35,7 @@ const WITH_REASON: [(&str, &str); 25] = [
     ("stars/layer/runs.rs", PARTS),
     ("frames/sink/fits/read.rs", "reads as many bytes as the header says, which it checks"),
     ("frames/sink/sample.rs", "is used by tests only"),
-    ("data_sets/folder.rs", "locks a folder"),
+    ("lab/data_sets/folder.rs", "locks a folder"),
     ("stars/layer/build.rs", "makes files last"),
     ("stars/layer/writer.rs", "makes a folder last"),
 ];
@@ -49,11 +49,16 @@ fn is_product(path: &str) -> bool {
 
 /// Returns the code before the module of tests.
 fn without_tests(mut code: Vec<Token>) -> Vec<Token> {
-    let is_start = |window: &[Token]| {
-        let words = ["#", "[", "cfg", "(", "test", ")", "]", "mod"];
-        window.iter().zip(words).all(|(token, word)| token.text == word) && window[9].text == "{"
+    let is = |place: usize, word: &str| code.get(place).is_some_and(|token| token.text == word);
+    let is_start = |place: &usize| {
+        let words = ["#", "[", "cfg", "(", "test", ")", "]"];
+        let behind = place + words.len();
+        // Such as `pub(in crate::sink) mod tests`.
+        let closed = || (behind..code.len()).find(|place| is(*place, ")")).map_or(behind, |place| place + 1);
+        let module = if is(behind, "pub") && is(behind + 1, "(") { closed() } else { behind };
+        words.iter().enumerate().all(|(nth, word)| is(place + nth, word)) && is(module, "mod") && is(module + 2, "{")
     };
-    let end = code.windows(10).position(is_start).unwrap_or(code.len());
+    let end = (0..code.len()).find(is_start).unwrap_or(code.len());
     code.truncate(end);
     code
 }

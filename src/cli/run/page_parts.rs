@@ -12,7 +12,7 @@ use serde::Deserialize;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
-/// What programs know a run's page by.
+/// The name by which programs know the page of a run.
 const SCHEMA: &str = "<meta name=\"starloop-schema\" content=\"starloop.run_page/1\">\n";
 /// Most points of the chart of the boresight.
 const MOST_POINTS: usize = 400;

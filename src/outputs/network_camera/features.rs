@@ -2,7 +2,7 @@
 //!
 //! The XML follows from it (`xml`), and so does what clients may write to the camera's own registers
 //! (`device::features`): the range, and whether frames must not be acquired meanwhile. A new feature takes an address
-//! before [`own::END`] and a row; what a write does beyond keeping the value stands in `device::features`.
+//! before [`own::END`] and a row; what a write does beyond keeping the value is in `device::features`.
 
 use crate::network_camera::feature::{
     Access::{Both, Read},

@@ -65,7 +65,7 @@ struct Weighed {
     tried: Option<TriedError>,
 }
 
-/// What is drawn, how accurately, and what it costs: the same for all frames.
+/// The light that is drawn, how accurately, and what it costs: the same for all frames.
 #[derive(Debug)]
 pub(super) struct Setting {
     instrument: Instrument,

@@ -35,7 +35,7 @@ const CUC_TAI: u8 = 0x1F;
 /// Seconds from 1958-01-01 to 1970-01-01, TAI.
 const S_1958_TO_1970: i64 = 4383 * 86_400;
 
-/// Why octets are no packet.
+/// Reason why octets cannot be read as a packet.
 pub type Refusal = &'static str;
 
 const BAD_LENGTH: Refusal = "the packet has a length that none has: a telecommand at most 256 octets, telemetry 4096";

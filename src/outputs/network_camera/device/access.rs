@@ -1,4 +1,4 @@
-//! Who may read and write, and whom frames and messages may be sent to.
+//! Clients that may read and write, and addresses that frames and messages may be sent to.
 
 use super::{Answer, DO_NOT_FRAGMENT};
 use crate::network_camera::control::{Control, LastChange};

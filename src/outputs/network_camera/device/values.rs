@@ -1,4 +1,4 @@
-//! What clients have set: the memory that they read, and what its selectors choose from.
+//! Values that clients have set: the memory that they read, and what its selectors choose from.
 
 use crate::network_camera::regions::{RegionSet, stacked_px};
 use crate::network_camera::{chunk, features::own, pixel_format::PixelFormat, registers::Memory};

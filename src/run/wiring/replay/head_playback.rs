@@ -10,7 +10,7 @@
 //! that arrived after those faults acted.
 
 use super::captured_links::{CapturedLinks, Source};
-use super::{CapturedFate, CapturedSample, Difference, DrawnFrom, FrameRow, HeadOutcome, Result};
+use super::{CapturedFate, CapturedSample, DrawnFrom, FrameRow, Result};
 use crate::runtime::frame_faults::{Fate, FrameFaults};
 use crate::runtime::receiver::{PORTS_MAX, Receiver};
 use crate::runtime::{Exposed, Head, Imager, Ledger, Slot};
@@ -24,6 +24,36 @@ use frames::sink::crc32::pixel_crc32;
 use frames::sink::{SentFrame, Sink};
 use plan::exposure::cost::CostModel;
 use std::collections::VecDeque;
+
+/// An image that differs from the captured one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Difference {
+    /// Number of its head.
+    pub head: usize,
+    /// Frame number.
+    pub frame: u32,
+    /// Checksum in the capture.
+    pub wanted: u32,
+    /// Checksum of the replay.
+    pub got: u32,
+}
+
+/// Result of the replay of a head.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct HeadOutcome {
+    /// Number of the head, from 0.
+    pub head: usize,
+    /// Frames drawn.
+    pub drawn: u64,
+    /// Frames compared with the capture.
+    pub compared: u64,
+    /// Frames that went out and could not be compared.
+    pub uncompared: u64,
+    /// Number of compared frames that are not bit-identical.
+    pub differing: u64,
+    /// The first of them.
+    pub first: Option<Difference>,
+}
 
 /// Data shared by all heads of a replay.
 pub(super) struct Replayed<'a> {

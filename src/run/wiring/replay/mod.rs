@@ -39,8 +39,9 @@ mod table_lines;
 
 pub use error::ReplayError;
 use error::Result;
+pub use head_playback::{Difference, HeadOutcome};
 pub use injected::{Injected, KeptEvent};
-pub use playback::{Difference, HeadOutcome, ReplayOptions, ReplayOutcome, SinkOfHead, replay_bus, replay_session};
+pub use playback::{ReplayOptions, ReplayOutcome, SinkOfHead, replay_bus, replay_session};
 pub use recording::{Recording, SampleTap};
 pub use rows::{CapturedFate, DrawnFrom, FrameRow, RowCounts, RowForm, RowReader};
 pub use sample_table::{CapturedSample, SampleReader};
