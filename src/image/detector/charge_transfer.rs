@@ -1,7 +1,7 @@
 //! Charge transfer inefficiency: every transfer leaves a share behind, which trails away from the output.
 //!
-//! In and out: charge of every pixel, e-. A packet that needs `n` transfers arrives `k` pixels late with the share `C(n
-//! + k - 1, k) (1 - c)^n c^k`, `c` the share left behind by one transfer: each of the `n` transfers may have to be done
+//! In and out: charge of every pixel, e-. A packet that needs `n` transfers arrives `k` pixels late with the share
+//! `C(n + k - 1, k) (1 - c)^n c^k`, `c` the share left behind by one transfer: each of the `n` transfers may have to be done
 //! again any number of times (negative binomial law; for `n c << 1` the familiar `n c` in the first trailing pixel:
 //! Janesick 2001, section 5.2). Row `y` from the output needs `y + 1` parallel transfers, column `x` as many serial
 //! ones. The law is cut after [`Trails::terms`] pixels, where less than [`TAIL`] of the farthest packet is left; that

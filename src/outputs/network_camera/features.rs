@@ -4,6 +4,8 @@
 //! (`device::features`): the range, and whether frames must not be acquired meanwhile. A new feature takes an address
 //! before [`own::END`] and a row; what a write does beyond keeping the value is in `device::features`.
 
+#![allow(clippy::wildcard_enum_match_arm, reason = "a question about one kind of feature concerns no other kind")]
+
 use crate::network_camera::feature::{
     Access::{Both, Read},
     Entries::{self, Made, Numbers, Words},

@@ -4,6 +4,8 @@
 //! compare the whole with a frozen one and every address with the device's memory, and
 //! `hil_scripts/test_network_camera.py` loads it with the reference GenApi.
 
+#![allow(clippy::wildcard_enum_match_arm, reason = "a question about one kind of feature concerns no other kind")]
+
 use crate::network_camera::chunk::{self, Field};
 use crate::network_camera::feature::{Access, Entry, Feature, Kind, Limit};
 use crate::network_camera::features::TABLE;
