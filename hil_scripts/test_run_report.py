@@ -191,7 +191,7 @@ class Report(unittest.TestCase):
         self.assertIn("events on a time line", page)
         self.assertIn("true attitude to target", page, "the picture of the telemetry")
         for kind in counts:
-            self.assertRegex(page, rf"<td>{re.escape(kind)}</td><td>{counts[kind]}</td>")
+            self.assertRegex(page, rf'<td>{re.escape(kind)}</td><td class="n">{counts[kind]}</td>')
 
     def test_run_without_a_folder_writes_nothing(self):
         done = self.fly("--duration", "1", text=bench_text("report") + '[sink]\nkind = "null"\n')
