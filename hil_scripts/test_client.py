@@ -14,6 +14,7 @@ import threading
 import unittest
 import zlib
 from pathlib import Path
+from unittest import mock
 
 sys.dont_write_bytecode = True
 sys.path.insert(0, str(Path(__file__).resolve().parent))
@@ -160,9 +161,11 @@ class AgainstABrokenPeer(unittest.TestCase):
             self.answer(b'{"id": 9, "ok": true, "protocol": 2}\n')
 
     def test_a_missing_token_file_is_said_with_what_to_do(self):
-        with socket.create_server(("127.0.0.1", 0)) as listener:
-            with self.assertRaisesRegex(StarloopError, "give the one that the program has printed as token="):
-                Starloop.connect(*listener.getsockname())
+        # A folder of its own: a program that was killed leaves its file, and the system gives its port again.
+        with tempfile.TemporaryDirectory() as folder, socket.create_server(("127.0.0.1", 0)) as listener:
+            with mock.patch.dict(os.environ, XDG_RUNTIME_DIR=folder):
+                with self.assertRaisesRegex(StarloopError, "give the one that the program has printed as token="):
+                    Starloop.connect(*listener.getsockname())
 
 
 class Toml(unittest.TestCase):
