@@ -8,8 +8,8 @@
 //! The optical axis (principal point) shows by the perspective alone: away from it by `c` px, a star at the tangent `x` moves by
 //! `c x^2`, beside a constant part, which goes into the attitude. A [`Freedom`] lists the fitted terms.
 //!
-//! The stars call for the second radial term and for an axis off its place, or for neither ([`fitted_with_terms`]): nested models are compared by the ratio `F = (fall of chi^2 / added parameters) / (chi^2 / degrees of freedom)`, both fitted
-//! to the stars that the wider one keeps. A term is taken from [`LEAST_RATIO`] on: chance passes it once in some thousand
+//! The stars call for the second radial term and for an axis off its place, or for neither (`fitted_with_terms`): nested models are compared by the ratio `F = (fall of chi^2 / added parameters) / (chi^2 / degrees of freedom)`, both fitted
+//! to the stars that the wider one keeps. A term is taken from `LEAST_RATIO` on: chance passes it once in some thousand
 //! frames. The strongest comes first. Tests: below; drawn frames in `tests/night_sky`.
 
 use crate::newton::{Fitted, fit};

@@ -2,7 +2,7 @@
 //!
 //! Checks and places the events of a run, before and during the run; the same on both clocks.
 //!
-//! In: an event, and the faults of each head's frames. Out: actions and expectations for the far side ([`Placed`]).
+//! In: an event, and the faults of each head's frames. Out: actions and expectations for the far side (`Placed`).
 //! Faults of the bus go to the links' own lists. Tests: of `faults`, and `tests/closed_loop`.
 
 use crate::runtime::frame_faults::{Begin, FrameFaults, NEVER};

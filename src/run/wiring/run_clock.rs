@@ -5,7 +5,7 @@
 //! Starts the clock of a run.
 //!
 //! `timing.start_utc = "now"` is the machine's own time. The instants of a run are planned before its parts are made,
-//! which takes a while: on the real clock the plan leaves [`SET_UP`] for it, and the bench's clock then starts when the
+//! which takes a while: on the real clock the plan leaves `SET_UP` for it, and the bench's clock then starts when the
 //! machine's clock has come to the planned instant. A longer set-up leaves a lag, which the run reports. Tests: below.
 
 use base::clock::{Clock, Monotonic, Virtual};

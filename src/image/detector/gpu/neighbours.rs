@@ -115,7 +115,7 @@ impl GpuNeighbourStage for ClipFullWell {
 }
 
 /// One stage. Its pipeline, buffers and bind groups are made once, in
-/// [`stages`](crate::detector::gpu::neighbours::stages).
+/// [`stages`].
 pub trait GpuNeighbourStage: Debug + Send + Sync {
     /// Returns which effect it is.
     fn effect(&self) -> Effect;

@@ -16,7 +16,7 @@
 //! declination in radians (ICRS, epoch J1991.25), parallax (mas), proper motion (mas/yr, with cos dec), Hp, its
 //! scatter, B - V and V - I (mag). The magnitude is a median over 3.3 years; a variable star's may differ from Gaia's
 //! mean by as much as it varies, so that its tolerance grows with the scatter. Sirius was too bright for the
-//! instrument: its Hp is 0.37 mag too faint, and [`SIRIUS`] has its magnitude. Tests: `super::bright_tests`.
+//! instrument: its Hp is 0.37 mag too faint, and `SIRIUS` has its magnitude. Tests: `super::bright_tests`.
 //!
 //! Lines of Tycho-2 (Hog et al. 2000, A&A 355, L27; CDS catalog I/259): `tyc2.dat` has parts between bars, angles in degrees
 //! (ICRS), motions in mas/yr (with cos dec), BT and VT in mag. The mean position is of J2000 and holds where the flag
