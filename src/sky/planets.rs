@@ -2,7 +2,7 @@
 //!
 //! Heliocentric positions by the table of [`crate::ephemeris`], outside its span by VSOP87E (Bretagnon and Francou
 //! 1988, A&A 202, 309), both through [`crate::almanac`]. Light time: the planet is taken where it was when the light
-//! left ([`crate::magnitude`]). What is given is then geometric in the observer's axes of rest with the barycentre,
+//! left ([`crate::magnitude`]). The places are then geometric in the observer's axes of rest with the barycentre,
 //! so that the aberration of stars applies. The Sun's own motion meanwhile (0.013 km/s) is left out: 200 km, or 0.01
 //! arcsec, at Neptune. Mars to Neptune are the centres of mass of their systems (Jupiter's is 200 km from the planet's
 //! middle: 0.1 arcsec).

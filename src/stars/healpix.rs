@@ -13,7 +13,7 @@
 //! chords.
 //!
 //! From the twelve base cells down: a cell whose bounding circle misses the cone is left with all it holds, one whose
-//! circle lies inside is taken with all it holds, any other is looked at by its quarters. What is taken is a superset
+//! circle lies inside is taken with all it holds, any other is looked at by its quarters. The cells taken are a superset
 //! of the cells that touch the cone, by at most the width of a cell; it holds for any radius. Order: ascending. Tests:
 //! `no_cell_is_missed_and_few_are_taken_in_vain`, `every_cell_lies_within_its_circle`.
 

@@ -123,7 +123,7 @@ impl PacketStream {
             }
         }
         self.octets.drain(..at);
-        debug_assert!(self.octets.len() < form.octets[1], "what is kept is part of one packet");
+        debug_assert!(self.octets.len() < form.octets[1], "the octets kept are part of one packet");
         damaged
     }
 }
