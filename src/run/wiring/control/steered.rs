@@ -5,7 +5,7 @@
 use super::answers::{Answer, Controlled, Instants, Refusal};
 use super::samples::SampleList;
 use crate::runtime::{Ledger, exposing::Exposing};
-use crate::wiring::{far_side::FarSide, run_times::RunTimes, steering::Steering};
+use crate::wiring::{far_side::FarSide, run_clock::RunTimes, steering::Steering};
 use base::time::{Span, Tai};
 use config::{Event, Plant, Scenario};
 use core::sync::atomic::{AtomicBool, Ordering};
