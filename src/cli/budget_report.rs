@@ -65,10 +65,10 @@ pub(super) fn limits(bench: &Bench, engine: &FrameEngine) -> BudgetLimits {
 
 /// Returns the planner's time for drawing; with the detector's where a device does both in one go.
 fn derived_render_ms(engine: &FrameEngine) -> Option<f64> {
-    let params = engine.params();
+    let params = &engine.params;
     let RunParams { camera, cost, .. } = params;
-    let cost = cost.unwrap_or(engine.imager().cost());
-    let readout_ms = if engine.imager().is_on_device() { camera.predicted_readout_ms(&cost) } else { 0.0 };
+    let cost = cost.unwrap_or(engine.drawer.imager.cost);
+    let readout_ms = if engine.drawer.imager.is_on_device() { camera.predicted_readout_ms(&cost) } else { 0.0 };
     let limit_ms = params.drawing_budget_ms(&cost) + readout_ms;
     (limit_ms > 0.0).then_some(limit_ms)
 }
@@ -97,8 +97,8 @@ pub(super) fn advice(finished: &Finished, lines: &[BudgetLine], render_limit_ms:
         .collect();
     let drawn = finished.end.record.ring.last().filter_map(|record| Some((record, record.times.get(Stage::Render)?)));
     let Some((slowest, took)) = drawn.max_by_key(|(_, time)| *time) else { return Ok(advice) };
-    let params = finished.engine().params();
-    let cost = params.cost.unwrap_or(finished.engine().imager().cost());
+    let params = &finished.engine().params;
+    let cost = params.cost.unwrap_or(finished.engine().drawer.imager.cost);
     let computer = FlightComputer::new(bench_parts::flight_computer(finished.bench(), finished.end.times.start));
     let mut frames = FramePlans::new(computer, params, &params.open_sky()?);
     let mut planner = frames.planner(cost, None);

@@ -188,7 +188,7 @@ fn stars(camera: &CameraParams, arguments: &VerifyArgs) -> Result<(Fidelity, &'s
     let mut imager = Imager::of_detector(backend, detector)?;
     let los = LosPath::commanded(Rotation::IDENTITY, Tai::from_ns(0), camera.exposure_s);
     let mut planner =
-        Planner::new(camera.instrument(), AccuracyBudget::default(), imager.cost(), MethodChoice::Auto, los);
+        Planner::new(camera.instrument(), AccuracyBudget::default(), imager.cost, MethodChoice::Auto, los);
     let plan = planner.plan(&field.sources());
     let conditions = DetectorConditions::dark(camera.exposure_s);
     let measured = fidelity::measure(&field, &truth, size_px, arguments.frames, |frame, image: &mut DnImage| {

@@ -9,8 +9,7 @@ use firmware_protocol::Message;
 use firmware_protocol::message::{Command, Request, Trigger};
 use frames::report::{FrameRecord, NEWEST_MAX};
 use frames::sink::SentFrame;
-use link::simulated::simulated_pair;
-use link::{Port, Stamped};
+use link::{Port, simulated::simulated_pair};
 use run::runtime::{EventKind, FrameEngine, Ledger, RunRecord, Slot};
 use run::{runtime::receiver::Receiver, wiring::bench_parts};
 use std::sync::Arc;
@@ -37,7 +36,7 @@ fn complaints_of(mut bench: Bench) -> Vec<String> {
     let params = bench_parts::run_params(&bench, start).unwrap();
     let mut engine = FrameEngine::new(params.clone()).unwrap();
     let mut receiver = Receiver::new(params.attitude).unwrap();
-    receiver.expect_trigger(7);
+    receiver.session.expect_trigger(7);
     let mut ledger = Ledger::default();
     let camera = &params.camera;
     let (width, height) = (camera.geometry.width_px(), camera.geometry.height_px());
@@ -45,11 +44,11 @@ fn complaints_of(mut bench: Bench) -> Vec<String> {
     engine.warm_up(&mut frame).unwrap();
     // Fewer records than frames, so that records are overwritten too.
     let mut record = RunRecord::with_ring(16, 1);
-    engine.follow_load();
+    engine.pace.follow_load();
     let mut cable = Cable::new(&bench, start);
     let (mut wrong, mut watched) = (Vec::new(), 0);
     for number in 0..params.frames {
-        let slot = engine.slot(number);
+        let slot = engine.exposing.nominal(number);
         cable.carry_until(slot.release, &mut receiver, &mut ledger);
         let mut expose = || {
             fire(slot, &mut receiver, &mut ledger);
@@ -72,20 +71,20 @@ fn complaints_of(mut bench: Bench) -> Vec<String> {
         assert!(!frame.truth.is_empty(), "frame {number} has stars");
     }
     assert_eq!(watched, NEWEST_MAX.min(params.frames as usize), "events are reported");
-    let fired = receiver.session.triggers().counts().fired;
+    let fired = receiver.session.triggers.of(0).counts().fired;
     assert!(fired > u64::from(params.frames), "{fired} triggers, at once and ahead");
     wrong
 }
 
 /// Sends a trigger that acts at once and one three frames ahead; takes out those that are due.
 fn fire(slot: Slot, receiver: &mut Receiver, ledger: &mut Ledger) {
-    let Some(now_us) = receiver.remote_us_at(slot.release) else { return };
+    let Some(now_us) = receiver.attitudes.remote_us_at(slot.release, &receiver.clock.remote) else { return };
     for (token, at_us) in [(1, 0), (2, now_us.wrapping_add(300_000))] {
         let request = Request::Trigger(Trigger { number: 7, at_us });
         let value = Message::Command(Command { token, request });
-        assert!(receiver.accept(&Stamped { at: slot.release, value }, ledger).is_some(), "is answered");
+        assert!(receiver.accept(0, &value, slot.release, ledger).is_some(), "is answered");
     }
-    receiver.fire_triggers(0, slot, ledger, &mut |_| {});
+    receiver.session.fire_triggers(0, slot, ledger, &mut |_| {});
 }
 
 /// The flight computer, the bus and the clock.
@@ -114,7 +113,7 @@ impl Cable {
             let now = self.next_due.min(at);
             self.clock.advance_to(now);
             while let Some(message) = self.near.receive(now).unwrap() {
-                if let Some(answer) = receiver.accept(&message, ledger) {
+                if let Some(answer) = receiver.accept(0, &message.value, message.at, ledger) {
                     self.near.send(&answer).unwrap();
                 }
             }

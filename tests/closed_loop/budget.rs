@@ -37,7 +37,7 @@ fn degradations(bench: &Bench, follow: bool, drawn: impl Fn(u32) -> Span) -> (Ve
     let mut engine = FrameEngine::new(params.clone()).unwrap();
     let mut receiver = Receiver::new(params.attitude).unwrap();
     if follow {
-        engine.follow_load();
+        engine.pace.follow_load();
     }
     let clock = Arc::new(Virtual::new(start));
     let shared: Arc<dyn Clock> = clock.clone();
@@ -47,7 +47,7 @@ fn degradations(bench: &Bench, follow: bool, drawn: impl Fn(u32) -> Span) -> (Ve
     let mut going = VirtualLoop::new(clock);
     let mut heads = [Head::new(engine, Box::new(NullSink::new()))];
     for number in 0..params.frames {
-        let slot = heads[0].engine.slot(number);
+        let slot = heads[0].engine.exposing.nominal(number);
         let mut world = World {
             port: &mut near,
             receiver: &mut receiver,
@@ -94,7 +94,7 @@ fn bounds(bench: &Bench, motion: Option<MotionScale>) -> Vec<Option<f64>> {
     let params = bench_parts::run_params(bench, start).unwrap();
     let mut engine = FrameEngine::new(params.clone()).unwrap();
     if let Some(motion) = motion {
-        engine.expect_motion(motion);
+        engine.pointing.motion = Some(motion);
     }
     let mut receiver = Receiver::new(params.attitude).unwrap();
     let clock = Arc::new(Virtual::new(start));
@@ -105,12 +105,12 @@ fn bounds(bench: &Bench, motion: Option<MotionScale>) -> Vec<Option<f64>> {
     let mut heads = [Head::new(engine, Box::new(NullSink::new()))];
     let mut bounds = Vec::new();
     for number in 0..params.frames {
-        let slot = heads[0].engine.slot(number);
+        let slot = heads[0].engine.exposing.nominal(number);
         let mut far_end = |now: Tai| Ok(computer.step(now, &mut far).map(|()| computer.next_due())?);
         let (port, receiver) = (&mut near, &mut receiver);
         let mut world = World { port, receiver, far_end: &mut far_end, progress: &mut |_, _, _| true };
         going.advance_to(slot.release, &mut heads, &mut world).unwrap();
-        bounds.push(heads[0].engine.pointing_bound_rad);
+        bounds.push(heads[0].engine.pointing.bound_rad);
     }
     bounds
 }

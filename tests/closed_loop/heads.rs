@@ -135,7 +135,7 @@ fn a_head_whose_sink_is_stuck_costs_the_others_nothing() {
         Head::new(FrameEngine::new(params).unwrap().of_head(number), sink)
     };
     let mut heads: Vec<Head> = (0..bench.head_count()).map(head).collect();
-    let attitude = |head: &Head| head.engine.params().attitude.clone();
+    let attitude = |head: &Head| head.engine.params.attitude.clone();
     let mut receiver = Receiver::new(attitude(&heads[0])).unwrap();
     heads[1..].iter().for_each(|head| receiver.add_head(&attitude(head)).unwrap());
     let mut at_end = Some(at_end);

@@ -112,7 +112,7 @@ fn fly(bench: &Bench, delay: Option<Span>) -> Flown {
     });
     assert!(outcome.error.is_none(), "{:?}", outcome.error.map(|error| error.to_string()));
     let shots = core::mem::take(&mut *shots.lock().unwrap());
-    Flown { shots, record: outcome.record, late_samples: receiver.mounting(0).late_jitter }
+    Flown { shots, record: outcome.record, late_samples: receiver.mountings.of(0).late_jitter }
 }
 
 fn bench(wire: WireFormat, source: JitterSource) -> Bench {

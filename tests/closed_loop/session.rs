@@ -41,7 +41,7 @@ fn overhear(bench: &Bench, script: &[(f64, Says)]) -> Overheard {
     let params = bench_parts::run_params(bench, start).unwrap();
     let mut head = Head::new(FrameEngine::new(params.clone()).unwrap(), Box::new(NullSink::new()));
     let mut receiver = Receiver::new(params.attitude).unwrap().with_session(bench.session);
-    [2, 3].into_iter().for_each(|number| receiver.expect_trigger(number));
+    [2, 3].into_iter().for_each(|number| receiver.session.expect_trigger(number));
     let clock = Arc::new(Virtual::new(start));
     let shared: Arc<dyn Clock> = clock.clone();
     let (bus, format) = bench_parts::bus(bench);

@@ -48,7 +48,7 @@ struct Flown {
 fn receiver(bench: &Bench, start: Tai, numbers: &[u16]) -> Receiver {
     let params = bench_parts::run_params(bench, start).unwrap();
     let mut receiver = Receiver::new(params.attitude).unwrap().with_session(bench.session);
-    numbers.iter().for_each(|number| receiver.expect_trigger(*number));
+    numbers.iter().for_each(|number| receiver.session.expect_trigger(*number));
     receiver
 }
 
@@ -115,9 +115,12 @@ fn triggers_act_once_each_in_the_frame_of_their_instant() {
         // At once and late act on arrival: after the sending step, and the bus.
         let most = if [1.52, 2.55].contains(&wanted_s) { Span::from_ms(11) } else { CLOCK };
         assert!(off.ns().abs() < most.ns(), "{wanted_s} s: {} us off", off.ns() / 1000);
-        let slot = flown.engine.slot(*frame);
+        let slot = flown.engine.exposing.nominal(*frame);
         assert!(*at <= slot.release, "frame {frame} ends before {wanted_s} s");
-        assert!(*frame == 0 || *at > flown.engine.slot(frame - 1).release, "{wanted_s} s: an earlier one than {frame}");
+        assert!(
+            *frame == 0 || *at > flown.engine.exposing.nominal(frame - 1).release,
+            "{wanted_s} s: an earlier one than {frame}"
+        );
     }
     assert_eq!(reported.len(), 5, "the last one still waits");
 }
@@ -136,12 +139,12 @@ fn a_captured_run_has_the_same_triggers_when_it_is_replayed() {
         });
         let mut next = messages.next();
         let mut numbers = Vec::new();
-        for slot in (0..flown.engine.params().frames).map(|number| flown.engine.slot(number)) {
+        for slot in (0..flown.engine.params.frames).map(|number| flown.engine.exposing.nominal(number)) {
             while let Some(message) = next.filter(|message| message.at <= slot.release) {
-                receiver.accept(&message, &mut ledger);
+                receiver.accept(0, &message.value, message.at, &mut ledger);
                 next = messages.next();
             }
-            receiver.fire_triggers(0, slot, &mut ledger, &mut |fired| numbers.push(fired.number));
+            receiver.session.fire_triggers(0, slot, &mut ledger, &mut |fired| numbers.push(fired.number));
         }
         (numbers, fired(&ledger))
     };

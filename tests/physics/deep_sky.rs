@@ -190,7 +190,7 @@ fn count(name: &str, mag_g: f64) -> Counts {
     for seed in 0..u64::from(FRAMES) {
         let mut imager = Imager::new(config::Backend::Cpu, camera.detector, [width, height], seed).unwrap();
         let budget = AccuracyBudget::default();
-        let mut planner = Planner::new(camera.instrument(), budget, imager.cost(), MethodChoice::Auto, los.clone());
+        let mut planner = Planner::new(camera.instrument(), budget, imager.cost, MethodChoice::Auto, los.clone());
         let plan = planner.plan(view.in_view(&los).unwrap());
         assert_eq!(plan.stars.len(), pixels.len(), "every star is drawn");
         let mut dn = DnImage::new(width, height);

@@ -49,7 +49,7 @@ fn fidelity(drawn: (&PsfModel, DetectorParams), believed: (&PsfModel, DetectorPa
     };
     let mut imager = Imager::new(config::Backend::Cpu, drawn.1, [SIZE; 2], SEED).unwrap();
     let los = LosPath::commanded(Rotation::IDENTITY, Tai::from_ns(0), exposure_s);
-    let mut planner = Planner::new(instrument, AccuracyBudget::default(), imager.cost(), MethodChoice::Auto, los);
+    let mut planner = Planner::new(instrument, AccuracyBudget::default(), imager.cost, MethodChoice::Auto, los);
     let field = StarField::new([SIZE; 2], ELECTRONS.to_vec(), 21);
     let plan = planner.plan(&field.sources());
     let truth = Truth::of(&Detector::new(believed.1, SIZE, SIZE, SEED), believed.0.clone(), exposure_s);

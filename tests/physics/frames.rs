@@ -95,7 +95,7 @@ fn draw(ra_dec_roll_deg: [f64; 3], backend: config::Backend) -> Frame {
     let los = LosPath::commanded(attitude, at - Span::from_s(0.05), camera.exposure_s);
     let instrument: Instrument = camera.instrument();
     let mut imager = Imager::new(backend, camera.detector, [SIZE, SIZE], 3).unwrap();
-    let mut planner = Planner::new(instrument, AccuracyBudget::default(), imager.cost(), MethodChoice::Auto, los);
+    let mut planner = Planner::new(instrument, AccuracyBudget::default(), imager.cost, MethodChoice::Auto, los);
     let mut sky = SkyView::new(
         &camera,
         ObserverTrack::new(Observer::Geocentre, at),

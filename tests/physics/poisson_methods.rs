@@ -124,5 +124,5 @@ fn a_method_of_the_cpu_is_drawn_there_or_refused() {
     assert!(imager(config::Backend::Gpu, Ptrs).is_err(), "a GPU knows auto only");
     let left_to_us = imager(config::Backend::Auto, Ptrs).expect("the CPU");
     assert_eq!(left_to_us.name(), imager(config::Backend::Cpu, Auto).expect("the CPU").name());
-    assert!(left_to_us.note().is_some_and(|note| note.contains("ptrs")), "{:?}", left_to_us.note());
+    assert!(left_to_us.note.as_ref().is_some_and(|note| note.contains("ptrs")), "{:?}", left_to_us.note);
 }

@@ -27,12 +27,12 @@ pub(super) struct Planned {
 
 impl Planned {
     pub(super) fn new(bench: &Bench, params: &RunParams, imager: &Imager) -> Self {
-        let cost = params.cost.unwrap_or(imager.cost());
+        let cost = params.cost.unwrap_or(imager.cost);
         let budget_ms = params.drawing_budget_ms(&cost);
         Self {
             budget: params.budget,
             cost,
-            limit_ms: (params.degrade && imager.may_degrade()).then_some(budget_ms),
+            limit_ms: (params.degrade && !imager.is_exact()).then_some(budget_ms),
             budget_ms,
             readout_ms: params.camera.predicted_readout_ms(&cost),
             due_ms: params.camera.readout_s * 1e3,

@@ -241,12 +241,12 @@ fn stamp(at: Tai) -> String {
 fn announce(run: &Run, arguments: &RunArgs) {
     let (scenario, engine) = (&run.scenario, &run.heads[0].engine);
     // On the virtual clock the backend changes how long a run takes, and nothing else.
-    if let Some(note) = engine.imager().note().filter(|_| arguments.clock == ClockKind::Real) {
+    if let Some(note) = engine.drawer.imager.note.as_ref().filter(|_| arguments.clock == ClockKind::Real) {
         eprintln!("{note}");
     }
-    engine.wcs_error_px().into_iter().for_each(warn_of_wcs);
+    engine.wcs.iter().map(|wcs| wcs.lens_error_px()).for_each(warn_of_wcs);
     let only_built_in = arguments.built_in_costs || arguments.clock == ClockKind::Virtual;
-    let warnings = warning_line(scenario, engine.imager(), only_built_in);
+    let warnings = warning_line(scenario, &engine.drawer.imager, only_built_in);
     warnings.iter().for_each(|line| eprintln!("starloop: {line}"));
     let is_built_in = scenario.bench.defaulted.iter().any(|value| value.key == "camera");
     let kind = if scenario.vehicle().is_some() { "scenario" } else { "bench" };
@@ -261,10 +261,10 @@ fn announce(run: &Run, arguments: &RunArgs) {
         scenario.bench.timing.frame_rate_hz,
         scenario.bench.timing.duration_s,
         scenario.bench.seed,
-        engine.params().camera.name,
+        engine.params.camera.name,
         if is_built_in { " (built in: the bench names none)" } else { "" },
-        engine.imager().name(),
-        engine.imager().description(),
+        engine.drawer.imager.name(),
+        engine.drawer.imager.description(),
     );
 }
 

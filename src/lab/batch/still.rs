@@ -103,7 +103,7 @@ impl Still {
 
     /// Sets the scripted targets of the images to come in place of those before.
     pub fn set_targets(&mut self, targets: &[Target]) {
-        self.engine.set_targets(targets);
+        self.engine.drawer.set_targets(targets);
     }
 
     /// Draws the mean electrons of one target of the latest image alone; they are in [`Self::mean`] then. The scripted
@@ -112,7 +112,7 @@ impl Still {
     /// # Errors
     /// When the backend failed.
     pub fn draw_target_alone(&mut self, target: &Target) -> Result<(), RunError> {
-        self.engine.draw_target_alone(target)
+        self.engine.drawer.draw_target_alone(target)
     }
 
     /// Draws and reads out one image; `number` fixes its noise together with the noise seed. It is in [`Self::frame`]
@@ -137,7 +137,7 @@ impl Still {
         let slot = slot_of(motion, number);
         self.faults.begin(slot, &mut self.engine, &mut self.ledger);
         let times = self.engine.mean_along(slot, motion, light, &mut self.ledger, &mut self.frame)?;
-        let sight = self.engine.sight().filter(|_| light.is_on_sky());
+        let sight = self.engine.scene.stars.sight().filter(|_| light.is_on_sky());
         let maker = self.mean_wcs.as_mut().zip(sight);
         self.frame.meta.wcs = maker.and_then(|(maker, sight)| maker.at(&motion.los.mid_sensor_from_icrf, sight));
         Ok(times)
@@ -150,22 +150,22 @@ impl Still {
 
     /// Returns the latest mean electrons, sensor pixel by sensor pixel.
     pub fn mean(&self) -> Electrons<'_> {
-        self.engine.imager().latest_mean()
+        self.engine.drawer.imager.latest_mean()
     }
 
     /// Returns the plan of the latest image: methods, bounds and costs.
     pub fn plan(&self) -> &ExposurePlan {
-        self.engine.latest_plan()
+        self.engine.drawer.planner.latest()
     }
 
     /// Returns the backend and the detector.
     pub fn imager(&self) -> &Imager {
-        self.engine.imager()
+        &self.engine.drawer.imager
     }
 
     /// Returns the camera, the sky and all other parameters as they are drawn with.
     pub fn params(&self) -> &RunParams {
-        self.engine.params()
+        &self.engine.params
     }
 }
 

@@ -56,13 +56,8 @@ pub fn draw(
     };
     let mut scene = scene::Scene::new(&scene_params, sky);
     let los = LosPath::commanded(attitude, at - Span::from_s(0.5 * params.exposure_s), params.exposure_s);
-    let mut planner = Planner::new(
-        params.instrument(),
-        AccuracyBudget::default(),
-        imager.cost(),
-        MethodChoice::default(),
-        los.clone(),
-    );
+    let mut planner =
+        Planner::new(params.instrument(), AccuracyBudget::default(), imager.cost, MethodChoice::default(), los.clone());
     *planner.motion_mut() = Motion { los: los.clone(), image_path: None };
     let report = scene.find(&los, true)?;
     planner.plan(scene.sources());

@@ -154,7 +154,7 @@ pub fn calibrate(
 
 /// Returns the constants that explain the measured times.
 fn constants(scenes: &[MeasuredScene], imager: &Imager) -> CostModel {
-    let built_in = imager.cost();
+    let built_in = imager.cost;
     let threads = if built_in.threads > 1.0 { rayon::current_num_threads() as f64 } else { built_in.threads };
     let timings: Vec<_> = scenes.iter().map(MeasuredScene::timing).collect();
     let mut cost = fit(&timings, &CostModel { threads, ..built_in });
@@ -188,7 +188,7 @@ impl MeasuredScene {
 }
 
 fn measure(scene: &Scene, side_px: usize, repeats: usize, imager: &mut Imager) -> Result<MeasuredScene> {
-    let mut planner = planner(scene, side_px, imager.cost())?;
+    let mut planner = planner(scene, side_px, imager.cost)?;
     let sources = sources(scene.stars, side_px);
     let conditions = DetectorConditions::dark(planner.latest().motion.los.exposure_s);
     let mut out = DnImage::new(side_px, side_px);

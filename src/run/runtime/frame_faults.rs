@@ -172,12 +172,12 @@ impl FrameFaults {
     /// # Errors
     /// When the tables of other optics are unavailable.
     pub fn prepare(&mut self, engine: &mut FrameEngine) -> Result<()> {
-        let params = engine.params();
+        let params = &engine.params;
         let (seed, exposure_s) = (params.seed, params.camera.exposure_s);
         let size = [params.camera.geometry.width_px(), params.camera.geometry.height_px()];
         let radiometry = params.camera.radiometry.clone();
         if self.timed.iter().any(|timed| timed.made == Made::NotYet) {
-            engine.conditions_mut().reserve();
+            engine.conditions.reserve();
             // A fault may need the image before its first frame.
             self.previous.reserve(size[0] * size[1]);
         }
@@ -193,7 +193,8 @@ impl FrameFaults {
         for timed in self.timed.iter_mut().filter(|timed| timed.made == Made::NotYet) {
             timed.made = match timed.fault {
                 FrameFault::Camera(CameraFault::Defocus { sigma_px }) => {
-                    Made::Optics(new_optics(engine, self.spare_optics.pop(), PsfModel::gaussian(sigma_px))?)
+                    let (spare, psf) = (self.spare_optics.pop(), PsfModel::gaussian(sigma_px));
+                    Made::Optics(engine.drawer.add_optics(&engine.params, spare, psf)?)
                 }
                 FrameFault::Image(ImageFault::FalseStars { pixels, mag }) => {
                     let first = self.false_stars.len();
@@ -230,15 +231,16 @@ impl FrameFaults {
             fate.flags |= mark.flag;
         }
         let has_previous = !self.previous.is_empty();
-        let full_well_e = engine.params().camera.detector.full_well_e;
-        engine.conditions_mut().reset();
+        let full_well_e = engine.params.camera.detector.full_well_e;
+        engine.conditions.reset();
         for timed in &mut self.timed {
             let is_on = timed.from <= end && end < timed.until;
             if timed.announce(is_on, slot, ledger)
                 && let Made::Defects(first, count) = timed.made
             {
                 let commanded = &mut self.defects[first..first + count];
-                let left_out = engine.defects_mut().edit(|list| switch(commanded, is_on, list));
+                let left_out =
+                    engine.drawer.imager.disturbances_mut().defects_mut().edit(|list| switch(commanded, is_on, list));
                 if left_out > 0 {
                     ledger.note(Event::new(EventKind::DefectLeftOut, end, Some(slot.number), Span::ZERO));
                 }
@@ -259,7 +261,7 @@ impl FrameFaults {
                 Made::Stars(first, count) => &self.false_stars[first..first + count],
                 Made::NotYet | Made::Nothing | Made::Optics(_) | Made::Defects(..) => &[],
             };
-            expose_under(engine.conditions_mut(), timed, amount.value, full_well_e, stars);
+            expose_under(&mut engine.conditions, timed, amount.value, full_well_e, stars);
         }
         engine.take_conditions();
         fate
@@ -414,14 +416,6 @@ fn defect_places(spots: DefectSpots, size: [usize; 2], stream: u32, seed: u64) -
         DefectPlace::Pixel(scaled(a, size[0]) as u32, scaled(b, size[1]) as u32)
     });
     given.into_iter().chain(lines).chain(random)
-}
-
-/// Makes optics in place of spare ones, or more of them; returns their index.
-fn new_optics(engine: &mut FrameEngine, spare: Option<usize>, psf: PsfModel) -> Result<usize> {
-    match spare {
-        Some(number) => engine.replace_optics(number, psf).map(|()| number),
-        None => engine.add_optics(psf),
-    }
 }
 
 /// Adds the false stars of one fault: at the given places, and at random places of the detector.

@@ -35,7 +35,7 @@ pub struct Head {
 impl Head {
     /// Returns a head without faults.
     pub fn new(engine: FrameEngine, sink: Box<dyn Sink>) -> Self {
-        let mounting = engine.params().attitude.sensor_from_body;
+        let mounting = engine.params.attitude.sensor_from_body;
         let faults = FrameFaults::default();
         Self { engine, faults, sink, mounting, is_shown: true, calibration: None, tracker: None }
     }
@@ -60,7 +60,7 @@ impl Head {
         frame: &mut SentFrame,
     ) -> Result<Option<(Fate, StageTimes)>> {
         let Self { engine, faults, .. } = self;
-        receiver.fire_triggers(engine.head(), slot, ledger, &mut |fired| {
+        receiver.session.fire_triggers(engine.head, slot, ledger, &mut |fired| {
             faults.fire_trigger(fired.number, fired.at);
         });
         let fate = faults.begin(slot, engine, ledger);

@@ -22,8 +22,10 @@ pub struct Imager {
     apart: Option<Box<Apart>>,
     /// True when the latest image was drawn that way.
     is_apart: bool,
-    cost: CostModel,
-    note: Option<String>,
+    /// The built-in cost constants of the backend.
+    pub cost: CostModel,
+    /// Why this backend was selected, in one line, when the choice was automatic.
+    pub note: Option<String>,
 }
 
 /// Where images are drawn and read out.
@@ -229,24 +231,9 @@ impl Imager {
         self.backend().description()
     }
 
-    /// Returns in one line why this backend was selected, when the choice was automatic.
-    pub fn note(&self) -> Option<&str> {
-        self.note.as_deref()
-    }
-
-    /// Returns the built-in cost constants of the backend.
-    pub fn cost(&self) -> CostModel {
-        self.cost
-    }
-
     /// Returns true for the reference: it integrates every star's exact path.
     pub fn is_exact(&self) -> bool {
         self.name() == "reference"
-    }
-
-    /// Returns false for the reference: it is the truth, however long it takes.
-    pub fn may_degrade(&self) -> bool {
-        !self.is_exact()
     }
 
     /// Returns whether drawing is only submitted in the first of a frame's [`ImagingTimes`].

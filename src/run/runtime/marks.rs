@@ -5,7 +5,7 @@
 //! frame's row. A full queue loses the newest mark and counts it; the frame thread never waits. Tests: below, and
 //! `tests/closed_loop/replay.rs`.
 
-use crate::runtime::{exposing::Exposed, receiver::PORTS_MAX};
+use crate::runtime::{clock_intake::PORTS_MAX, exposing::Exposed};
 use core::sync::atomic::{AtomicU64, Ordering};
 use crossbeam_channel::{Receiver, Sender, bounded};
 use std::sync::Arc;

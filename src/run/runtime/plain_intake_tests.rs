@@ -1,7 +1,6 @@
 //! Times of plain messages: tags of any epoch, arrival; jumps and repeats.
 
-use super::{super::tests::params, *};
-use crate::runtime::ledger::EventKind;
+use super::{tests::params, *};
 
 const START: Tai = Tai::from_ns(1_800_000_000_000_000_000);
 const RATE: f64 = 0.01;
@@ -36,11 +35,11 @@ impl Bench {
     }
 
     fn accepted(&self) -> u64 {
-        self.receiver.history.counts().accepted
+        self.receiver.attitudes.history.counts().accepted
     }
 
     fn newest(&self) -> Tai {
-        self.receiver.history.newest().unwrap().at
+        self.receiver.attitudes.history.newest().unwrap().at
     }
 
     fn count(&self, kind: EventKind) -> u64 {
@@ -53,7 +52,7 @@ fn without_a_time_an_attitude_holds_when_it_arrives() {
     let mut bench = bench();
     bench.send(200, |_| PlainTime::Arrival);
     assert_eq!((bench.newest(), bench.accepted()), (START + Span::from_ms(200), 1));
-    assert_eq!(bench.receiver.messages(), 1);
+    assert_eq!(bench.receiver.messages.iter().sum::<u64>(), 1);
 }
 
 #[test]
@@ -108,7 +107,7 @@ fn overtaken_message_is_taken_and_its_tag_is_not_used_as_a_mark() {
         bench.send(10 * i, tag(late_ms));
     }
     assert_eq!((bench.accepted(), bench.count(EventKind::ClockStepped)), (50, 0));
-    assert_eq!(bench.receiver.history.counts().out_of_order, 10);
+    assert_eq!(bench.receiver.attitudes.history.counts().out_of_order, 10);
 }
 
 #[test]
@@ -137,7 +136,7 @@ fn jitter_beyond_a_degree_is_refused_and_counted() {
     for (ms, rad) in [(0, 0.01745), (1, 0.01746), (2, 1e9), (3, 1e300), (4, -0.01745)] {
         send(&mut bench, ms, rad);
     }
-    let counts = bench.receiver.mounting(0).jitter.counts();
+    let counts = bench.receiver.mountings.of(0).jitter.counts();
     assert_eq!((counts.accepted, counts.too_fast, bench.count(EventKind::SampleRefused)), (2, 3, 3));
 }
 

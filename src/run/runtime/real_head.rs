@@ -83,7 +83,7 @@ impl<'a> RealHead<'a> {
             frame_packet.record = timed;
             return self.deliver_late(frame_packet, slot, shared, record);
         }
-        timed.load = self.head.engine.load();
+        timed.load = self.head.engine.pace.load();
         let Some(times) = self.draw(slot, &mut frame_packet.frame, shared, record)? else {
             self.leave_out(frame_packet, timed, shared, record);
             return Ok(());
@@ -154,7 +154,7 @@ impl<'a> RealHead<'a> {
         timed.origin = meta.origin.name();
         timed.horizon = meta.horizon;
         (timed.end_horizon, timed.jitter_missing) = (meta.end_horizon, meta.jitter_missing);
-        timed.pointing_bound_rad = self.head.engine.pointing_bound_rad;
+        timed.pointing_bound_rad = self.head.engine.pointing.bound_rad;
         timed.cause = if meta.faults.contains(FaultFlags::BLANK) {
             Some(MissCause::AwaitingAttitude)
         } else {
@@ -164,14 +164,14 @@ impl<'a> RealHead<'a> {
 
     /// Returns true when it is too late to draw a slot: it is past due, and under `late` by more than a frame.
     fn is_over(&self, slot: Slot, now: Tai) -> bool {
-        let params = self.head.engine.params();
+        let params = &self.head.engine.params;
         let grace = if params.deadline_policy == DeadlinePolicy::Late { params.frame_period } else { Span::ZERO };
         now > slot.due + grace
     }
 
     /// Drops a frame on purpose: the flight computer gets its report, but the sinks do not get the frame.
     fn withhold(&mut self, mut frame_packet: FramePacket, shared: &mut Shared<'_>, record: &mut RunRecord) {
-        shared.announce(self.number, &frame_packet.frame.meta, self.head.engine.pointing_bound_rad);
+        shared.announce(self.number, &frame_packet.frame.meta, self.head.engine.pointing.bound_rad);
         self.head.faults.spoil(&self.spoiling, &mut frame_packet.frame);
         record.frames.dropped += 1;
         record.account.add(FrameEnd::Commanded, frame_packet.record.exposure_start);
@@ -188,7 +188,7 @@ impl<'a> RealHead<'a> {
         shared: &mut Shared<'_>,
         record: &mut RunRecord,
     ) -> Result<()> {
-        let policy = self.head.engine.params().deadline_policy;
+        let policy = self.head.engine.params.deadline_policy;
         let lateness = frame_packet.frame.meta.lateness;
         if lateness > Span::ZERO && policy != DeadlinePolicy::Late {
             return self.deliver_late(frame_packet, slot, shared, record);
@@ -199,7 +199,7 @@ impl<'a> RealHead<'a> {
             record.note(EventKind::Late, slot.due + lateness, slot.number, lateness);
             frame_packet.record.fate = Fate::Late;
         }
-        let end = end_of(self.head.engine.end_on_time, self.spoiling.delay, lateness);
+        let end = end_of(self.head.engine.pointing.end_on_time, self.spoiling.delay, lateness);
         record.account.add(end, slot.exposure_start);
         self.spoil_and_send(frame_packet, shared, record)
     }
@@ -215,7 +215,7 @@ impl<'a> RealHead<'a> {
         let lateness = frame_packet.frame.meta.lateness;
         let at = slot.due + lateness;
         record.frames.late += 1;
-        if self.head.engine.params().deadline_policy == DeadlinePolicy::Hold && self.has_previous {
+        if self.head.engine.params.deadline_policy == DeadlinePolicy::Hold && self.has_previous {
             record.frames.held += 1;
             record.account.add(FrameEnd::Late, slot.exposure_start);
             record.note(EventKind::Held, at, slot.number, lateness);
@@ -224,7 +224,7 @@ impl<'a> RealHead<'a> {
             frame_packet.frame.meta.lateness = lateness;
             frame_packet.frame.meta.faults |= FaultFlags::FRAME_DUPLICATE;
             frame_packet.record.fate = Fate::Held;
-            shared.announce(self.number, &frame_packet.frame.meta, self.head.engine.pointing_bound_rad);
+            shared.announce(self.number, &frame_packet.frame.meta, self.head.engine.pointing.bound_rad);
             return self.send(frame_packet, Span::ZERO, shared.clock.now(), record);
         }
         let cause = frame_packet.record.cause.unwrap_or(MissCause::FramesBefore);
@@ -241,9 +241,9 @@ impl<'a> RealHead<'a> {
         record: &mut RunRecord,
     ) -> Result<()> {
         // The stimulator reports its own data before its frame is damaged.
-        shared.announce(self.number, &frame_packet.frame.meta, self.head.engine.pointing_bound_rad);
+        shared.announce(self.number, &frame_packet.frame.meta, self.head.engine.pointing.bound_rad);
         self.head.faults.spoil(&self.spoiling, &mut frame_packet.frame);
-        if self.head.engine.params().deadline_policy == DeadlinePolicy::Hold {
+        if self.head.engine.params.deadline_policy == DeadlinePolicy::Hold {
             // A repeated frame equals the frame that went out, including its metadata.
             self.previous.copy_from(&frame_packet.frame);
             self.has_previous = true;

@@ -13,8 +13,8 @@ use crate::runtime::link_thread::{LinkThreads, Received};
 use crate::runtime::real_head::{FrameOrder, RealHead, Setting, Shared, Sources, take_back};
 use crate::runtime::record::{RunOutcome, RunRecord, lines_of_head};
 use crate::runtime::{
-    engine::FrameEngine, error::Result, hygiene::Role, port_reading::PortReading, receiver::Receiver, reply::Reply,
-    shutter::NextSlot, slot::Slot,
+    engine::FrameEngine, error::Result, error::RunError, hygiene::Role, port_reading::PortReading, receiver::Receiver,
+    reply::Reply, shutter::NextSlot, slot::Slot,
 };
 use base::time::{Span, Tai};
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -99,12 +99,12 @@ fn start<'a>(
 ) -> Result<(Vec<RealHead<'a>>, LinkThreads)> {
     let mut warm = Vec::with_capacity(heads.len());
     for head in heads {
-        let camera = &head.engine.params().camera;
+        let camera = &head.engine.params.camera;
         let [width, height] = camera.output().size_px;
         let mut prototype = SentFrame::with_capacity(width, height, STARS_AT_FIRST, camera.name.clone());
         head.engine.warm_up(&mut prototype)?;
-        head.engine.follow_load();
-        head.engine.read_stars_ahead()?;
+        head.engine.pace.follow_load();
+        head.engine.scene.stars.read_ahead().map_err(RunError::Scene)?;
         warm.push((head, prototype));
     }
     let Sources { ports, pulses, samples, chips } = sources;
@@ -281,7 +281,7 @@ impl Bench<'_> {
             self.take_in(&got, record);
         }
         let now = self.shared.clock.now();
-        self.shared.receiver.watch(now, &mut record.ledger);
+        self.shared.receiver.session.watch(now, &mut record.ledger);
         for (earlier, reading) in self.shared.readings.iter_mut().zip(link_thread.readings()) {
             reading.announce(earlier, now, &mut record.ledger);
             *earlier = reading;

@@ -1,76 +1,51 @@
 //! Messages -> time correlation, attitude history, jitter history, triggers, answers to commands.
 //!
-//! Data that a receiver keeps for one head: its jitter, in the axes of its sensor, and inputs that every head takes by itself.
+//! Messages of the protocol and plain messages of an external simulator are taken in by the parts of a [`Receiver`]: a
+//! message is dated by its clock, and what it carries goes to the attitudes, the mountings of the heads or the session.
+//!
+//! A plain message ([`PlainRecord`]) becomes a [`PlantSample`] by the bench's clock. A tag of any clock (Unix time too:
+//! the bench's clock may play another day) is also a time mark, so the offset and drift of that clock are estimated like
+//! those of a flight computer on the bus, and its steps and restarts are the same events. Without a time, values are
+//! valid when they arrive. Values that are too old, too new or repeated are refused by the histories: an attitude is
+//! never drawn at another instant than its own. Tests: `receiver_tests`, `plain_intake_tests`,
+//! `hil_scripts/test_plain_links.py`.
 
+use crate::runtime::attitude_intake::{AttitudeIntake, NORM_TOLERANCE};
+use crate::runtime::clock_intake::{ClockIntake, Mark, PORTS_MAX};
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::plant_queue::{PlantAttitude, PlantSample};
-use crate::runtime::rate_check::{RateCheck, TagRate, WINDOW};
 use crate::runtime::session::{PerHead, Session};
-use crate::runtime::{error::Result, jitter_tables, params::AttitudeParams, slot::Slot, triggers::FiredTrigger};
-use base::axes::{Body, Rotation, Sensor, WRITTEN_NORM_TOLERANCE};
+use crate::runtime::{error::Result, jitter_tables, mounting::Mounting, params::AttitudeParams};
+use base::axes::Rotation;
 use base::time::{Span, Tai};
-use base::units::{ARCSEC, RPM};
 use config::SessionParams;
-use firmware_protocol::message::{AttitudeRecord, Command, JitterBurst, JitterPair, Request, TimeFollowUp, Wheels};
-use firmware_protocol::ticks::{ticks_diff, wrapped};
+use firmware_protocol::message::{Command, Request};
 use firmware_protocol::{Message, handshake::Did};
 use glam::DVec3;
-use link::Stamped;
-use plan::attitude::{
-    AttitudeHistory, AttitudeSample, ClockEstimate, JitterHistory, JitterPoint, Observed, ObservedPps, RemoteClock,
-};
+use link::plain::{PlainAttitude, PlainRecord, PlainState, PlainTime};
+use link::{Input, Stamped};
+use plan::attitude::ClockEstimate;
 use sky::observer::BarycentricState;
-use std::collections::VecDeque;
 
-/// Period of classic jitter pairs' samples.
-const PAIR_PERIOD: Span = Span::from_ms(1);
-/// Tolerance of the norm of a quaternion that the protocol has already checked.
-const NORM_TOLERANCE: f64 = 2.0 * WRITTEN_NORM_TOLERANCE;
-
-/// Number of attitude tags that are kept: more than arrive during an exposure and a readout.
-const TAGS: usize = 256;
-/// Number of ports whose time marks and messages are counted separately.
-pub const PORTS_MAX: usize = 8;
 /// Shortest interval between two tables that are put into effect.
 const APPLY_PERIOD: Span = Span::from_ms(50);
-
-/// Results of the pulses per second.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct PulseCounts {
-    /// Pulses used as whole seconds of the flight computer's clock.
-    pub used: u64,
-    /// Pulses refused: before the first mark, or too far from a whole second.
-    pub refused: u64,
-}
 
 /// The receiving half of the stimulator: one for all heads of a run, each with its [`Mounting`].
 pub struct Receiver {
     /// The parameters.
     pub params: AttitudeParams,
-    /// The time correlation.
-    pub clock: RemoteClock,
-    /// The attitudes so far.
-    pub history: AttitudeHistory,
-    mountings: PerHead<Mounting>,
+    /// The sender's clock.
+    pub clock: ClockIntake,
+    /// The attitudes of the body.
+    pub attitudes: AttitudeIntake,
+    /// What is kept for each head.
+    pub mountings: PerHead<Mounting>,
     /// The conversation with the flight computer.
     pub session: Session,
-    /// The last SYNC of each port that has not been reported.
-    syncs: [Option<(u8, Tai)>; PORTS_MAX],
-    /// The counts of pulses per second so far.
-    pub pulses: PulseCounts,
+    /// Messages taken in by each port, all kinds; ports beyond the last one share its counter.
+    pub messages: [u64; PORTS_MAX],
+    /// When a table was put into effect last.
     applied: Option<Tai>,
-    newest_epoch: Option<Tai>,
-    /// Tags of the newest attitudes with the instants they were converted to, by rising instant.
-    tags: VecDeque<(u32, Tai)>,
-    newest_arrival: Option<Tai>,
-    /// Messages taken in by each port.
-    messages: [u64; PORTS_MAX],
-    /// Times of the last plain message and of the newest one, by their sender's clock.
-    plain_tags: Option<(i64, i64)>,
-    tag_rate: TagRate,
-    /// Sequence number of the latest attitude of an external plant.
-    plant_seq: u8,
-    rates: RateCheck,
 }
 
 impl Receiver {
@@ -80,21 +55,12 @@ impl Receiver {
     /// When a jitter line is not finite.
     pub fn new(params: AttitudeParams) -> Result<Self> {
         Ok(Self {
-            clock: RemoteClock::new(params.settings.clock),
-            history: AttitudeHistory::new(params.settings.history),
+            clock: ClockIntake::new(params.settings.clock),
+            attitudes: AttitudeIntake::new(params.settings.history),
             mountings: PerHead::new(Mounting::new(&params)?),
             session: Session::new(SessionParams::default()),
-            syncs: [None; PORTS_MAX],
-            pulses: PulseCounts::default(),
-            applied: None,
-            newest_epoch: None,
-            tags: VecDeque::with_capacity(TAGS),
-            newest_arrival: None,
             messages: [0; PORTS_MAX],
-            plain_tags: None,
-            tag_rate: TagRate::default(),
-            plant_seq: 0,
-            rates: RateCheck::default(),
+            applied: None,
             params,
         })
     }
@@ -117,84 +83,42 @@ impl Receiver {
         Ok(())
     }
 
-    /// Returns what it keeps for a head.
-    pub fn mounting(&self, head: usize) -> &Mounting {
-        self.mountings.of(head)
-    }
-
-    /// Returns what it keeps for a head, for the one that draws it.
-    pub fn mounting_mut(&mut self, head: usize) -> &mut Mounting {
-        self.mountings.of_mut(head)
-    }
-
-    /// Accepts triggers of this number from now on, because a fault or an event of the run waits for it.
-    pub fn expect_trigger(&mut self, number: u16) {
-        self.session.expect_trigger(number);
-    }
-
-    /// Returns the flight computer's triggers that act at or before `up_to`, by rising time, each once for each head.
-    /// Triggers that are not taken from the iterator remain. Allocates nothing.
-    pub fn take_triggers(&mut self, head: usize, up_to: Tai) -> impl Iterator<Item = FiredTrigger> + use<'_> {
-        let triggers = self.session.triggers_mut(head);
-        core::iter::from_fn(move || triggers.next(up_to))
-    }
-
-    /// Passes the triggers that act by the end of a slot's exposure to `fire`; the first head's are recorded.
-    pub fn fire_triggers(&mut self, head: usize, slot: Slot, ledger: &mut Ledger, fire: &mut dyn FnMut(FiredTrigger)) {
-        for fired in self.take_triggers(head, slot.exposure_end) {
-            if head == 0 {
-                let ahead = slot.exposure_end - fired.at;
-                ledger.note(Event::new(EventKind::TriggerFired, fired.at, Some(slot.number), ahead));
+    /// Accepts a message of either kind; returns an answer to send by the same port, if it needs one. Plain messages
+    /// need none. Ports beyond the first `PORTS_MAX` share one place for time marks.
+    pub fn accept_input(&mut self, port: usize, input: &Stamped<Input>, ledger: &mut Ledger) -> Option<Message> {
+        match &input.value {
+            Input::Message(message) => self.accept(port, message, input.at, ledger),
+            Input::Plain(record) => {
+                self.messages[port.min(PORTS_MAX - 1)] += 1;
+                self.accept_plain(record, input.at, ledger);
+                None
             }
-            fire(fired);
         }
     }
 
-    /// Detects heartbeats that have stopped.
-    pub fn watch(&mut self, now: Tai, ledger: &mut Ledger) {
-        self.session.watch(now, ledger);
-    }
-
-    /// Returns the number of messages taken in, all kinds.
-    pub fn messages(&self) -> u64 {
-        self.messages.iter().sum()
-    }
-
-    /// Returns the number of messages taken in by each port, all kinds; ports beyond the last one share its counter.
-    pub fn messages_by_port(&self) -> [u64; PORTS_MAX] {
-        self.messages
-    }
-
-    /// Returns the age at `at` of the newest attitude accepted.
-    pub fn age_at(&self, at: Tai) -> Option<Span> {
-        self.newest_epoch.map(|epoch| at - epoch)
-    }
-
-    /// Returns the time from the arrival of the attitude accepted last to `at`.
-    pub fn arrival_age_at(&self, at: Tai) -> Option<Span> {
-        self.newest_arrival.map(|arrival| at - arrival)
-    }
-
-    /// Accepts one message of the first port; returns an answer to send, if it needs one.
-    pub fn accept(&mut self, message: &Stamped<Message>, ledger: &mut Ledger) -> Option<Message> {
-        self.accept_from(0, message, ledger)
-    }
-
-    /// Accepts one message; returns an answer to send by the same port, if it needs one. Ports beyond the first
-    /// `PORTS_MAX` share one place for time marks.
-    pub fn accept_from(&mut self, port: usize, message: &Stamped<Message>, ledger: &mut Ledger) -> Option<Message> {
-        let at = message.at;
+    /// Accepts a message of the protocol; returns an answer to send by the same port, if it needs one.
+    pub fn accept(&mut self, port: usize, message: &Message, at: Tai, ledger: &mut Ledger) -> Option<Message> {
         let port = port.min(PORTS_MAX - 1);
         self.messages[port] += 1;
-        match &message.value {
-            Message::Sync(sync) => self.syncs[port] = Some((sync.counter, at)),
-            Message::TimeFollowUp(follow_up) => self.correlate(port, follow_up, at, ledger),
-            Message::Attitude(record) => self.take_attitude(record, at, ledger),
-            Message::Jitter(burst) => self.take_burst(burst, at, ledger),
-            Message::JitterPair(pair) => self.take_pair(pair, at, ledger),
+        match message {
+            Message::Sync(sync) => self.clock.take_sync(port, sync, at),
+            Message::TimeFollowUp(follow_up) => {
+                if let Some(mark) = self.clock.take_follow_up(port, follow_up) {
+                    self.follow_mark(&mark, at, ledger);
+                }
+            }
+            Message::Attitude(record) => match self.clock.remote.to_tai(record.t_us, at) {
+                Some(epoch) => self.attitudes.take_record(record, epoch, at, ledger),
+                None => ledger.note(Event::new(EventKind::NoTimeYet, at, None, Span::ZERO)),
+            },
+            Message::Jitter(burst) => self.mountings.take_burst(burst, &self.clock.remote, at, ledger),
+            Message::JitterPair(pair) => self.mountings.take_pair(pair, &self.clock.remote, at, ledger),
             Message::Command(command) => return self.answer(command, at, ledger),
-            Message::Wheels(wheels) => self.take_wheels(wheels, at, ledger),
-            Message::Table(cell) => self.session.put(cell),
+            Message::Wheels(wheels) => {
+                let sent = at - self.params.settings.clock.constant_delay;
+                self.mountings.take_wheels(wheels, sent, at, ledger);
+            }
+            Message::Table(cell) => self.session.tables.put(cell),
             Message::Heartbeat(heartbeat) => self.session.take_in(heartbeat, at, ledger),
             // Answers of a stimulator: our own, or another one's on the same bus.
             Message::Exposure(_) | Message::Status(_) | Message::Camera(_) | Message::Response(_) => {}
@@ -213,7 +137,7 @@ impl Receiver {
         if is_apply {
             self.applied = Some(at);
         }
-        let answer = self.session.answer(command, at, self.clock.estimate().as_ref(), ledger);
+        let answer = self.session.answer(command, at, self.clock.remote.estimate().as_ref(), ledger);
         if let Some(Did::Applied(table)) = answer.did {
             let tables = &self.session.tables;
             let apply =
@@ -225,83 +149,35 @@ impl Receiver {
         Some(Message::Response(answer.response))
     }
 
-    /// Accepts wheel speeds; they have no time tag and are valid at the time their message was sent.
-    fn take_wheels(&mut self, wheels: &Wheels, at: Tai, ledger: &mut Ledger) {
-        let rad_s = wheels.speed_rpm.map(|rpm| f64::from(rpm) * RPM);
-        let sent = at - self.params.settings.clock.constant_delay;
-        if self.mountings.each(|head| head.jitter.wheel_speeds(rad_s, sent)).is_err() {
-            ledger.note(Event::new(EventKind::SampleRefused, at, None, Span::ZERO));
-        }
-    }
-
-    /// Returns the flight computer's time of an instant, us modulo 2^32, by the tags of the nearest attitudes: the time
-    /// by which they were converted, even if the clock's estimate has moved since. `None` before the first attitude.
-    pub fn remote_us_at(&self, at: Tai) -> Option<u32> {
-        let after = self.tags.partition_point(|(_, epoch)| *epoch <= at);
-        let (t_us, epoch) = *self.tags.get(after.saturating_sub(1))?;
-        let since_ns = (at - epoch).ns();
-        let ahead_ns = match self.tags.get(after).filter(|_| after > 0) {
-            // Interpolate between two tags: the estimate may have moved between them.
-            Some((later_us, later)) => {
-                let (ticks_ns, span_ns) = (1000 * i64::from(ticks_diff(*later_us, t_us)), (*later - epoch).ns().max(1));
-                Span::from_s(ticks_ns as f64 * 1e-9 * (since_ns as f64 / span_ns as f64)).ns()
-            }
-            None => since_ns - Span::from_s(since_ns as f64 * 1e-9 * self.clock.estimate()?.drift).ns(),
-        };
-        let remote_ns = i64::from(t_us) * 1000 + ahead_ns;
-        Some(wrapped((remote_ns + 500).div_euclid(1000)))
-    }
-
-    fn keep_tag(&mut self, t_us: u32, epoch: Tai) {
-        if self.tags.len() >= TAGS {
-            self.tags.pop_front();
-        }
-        let place = self.tags.partition_point(|(_, other)| *other <= epoch);
-        self.tags.insert(place, (t_us, epoch));
-    }
-
     /// Accepts a pulse at a whole second of the flight computer's clock.
     pub fn accept_pulse(&mut self, at: Tai) {
-        match self.clock.observe_pps(at) {
-            ObservedPps::Used => self.pulses.used += 1,
-            ObservedPps::Odd | ObservedPps::Ambiguous | ObservedPps::NoTimeYet => self.pulses.refused += 1,
+        self.clock.take_pulse(at);
+        self.follow_clock();
+    }
+
+    /// Follows the clock after a mark.
+    fn follow_mark(&mut self, mark: &Mark, now: Tai, ledger: &mut Ledger) {
+        if let Some(before) = &mark.stepped_from {
+            self.follow_step(before, mark, now, ledger);
         }
         self.follow_clock();
     }
 
-    fn correlate(&mut self, port: usize, follow_up: &TimeFollowUp, now: Tai, ledger: &mut Ledger) {
-        let scet_ns = i64::try_from(follow_up.scet.ns()).unwrap_or(i64::MAX);
-        if let Some((counter, at)) = self.syncs[port]
-            && counter == follow_up.counter
-        {
-            self.syncs[port] = None;
-            let before = self.clock.estimate();
-            let observed = self.clock.observe(scet_ns, at);
-            if let (Observed::Restarted, Some(before)) = (observed, before) {
-                self.take_step(&before, scet_ns, at, now, ledger);
-            }
-            self.follow_clock();
-        }
-    }
-
-    /// Follows a step of the flight computer's clock, which reads `scet_ns` at `sync_at`. A clock that reads less than
-    /// half of the expected value has restarted: attitudes, jitter and dated triggers of the previous session are then
-    /// discarded. After any other step the attitudes received so far keep their instants.
-    fn take_step(&mut self, before: &ClockEstimate, scet_ns: i64, sync_at: Tai, now: Tai, ledger: &mut Ledger) {
-        let expected_ns = before.to_remote_ns(sync_at);
-        let step = Span::from_ns(scet_ns.saturating_sub(expected_ns));
-        // Tags of two clocks cannot be ordered.
-        self.tags.clear();
-        if scet_ns < expected_ns / 2 {
+    /// Follows a step of the flight computer's clock at a mark. A clock that reads less than half of the expected value
+    /// has restarted: attitudes, jitter and dated triggers of the previous session are then discarded. After any other
+    /// step the attitudes received so far keep their instants.
+    fn follow_step(&mut self, before: &ClockEstimate, mark: &Mark, now: Tai, ledger: &mut Ledger) {
+        let expected_ns = before.to_remote_ns(mark.at);
+        let step = Span::from_ns(mark.remote_ns.saturating_sub(expected_ns));
+        self.attitudes.forget_tags();
+        if mark.remote_ns < expected_ns / 2 {
             ledger.note(Event::new(EventKind::ClockRestarted, now, None, step));
-            self.history.clear();
-            self.rates.clear();
+            self.attitudes.forget();
             self.mountings.each(|head| head.jitter.clear_points());
-            self.newest_epoch = None;
             self.session.forget_dated_triggers(now, ledger);
         } else {
             ledger.note(Event::new(EventKind::ClockStepped, now, None, step));
-            if let Some(estimate) = self.clock.estimate() {
+            if let Some(estimate) = self.clock.remote.estimate() {
                 self.session.step_triggers(&estimate, now, ledger);
             }
         }
@@ -309,36 +185,9 @@ impl Receiver {
 
     /// Passes the clock's estimate to uploaded jitter and triggers, which run by the flight computer's clock.
     fn follow_clock(&mut self) {
-        if let Some(estimate) = self.clock.estimate() {
+        if let Some(estimate) = self.clock.remote.estimate() {
             self.mountings.each(|head| head.jitter.follow_clock(&estimate));
-            self.session.follow_clock(&estimate);
-        }
-    }
-
-    fn take_attitude(&mut self, record: &AttitudeRecord, at: Tai, ledger: &mut Ledger) {
-        let Some(epoch) = self.clock.to_tai(record.t_us, at) else {
-            ledger.note(Event::new(EventKind::NoTimeYet, at, None, Span::ZERO));
-            return;
-        };
-        let sample = Rotation::from_wxyz(record.q_wxyz.map(f64::from), NORM_TOLERANCE).map(|body_from_icrf| {
-            let vector = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
-            AttitudeSample {
-                at: epoch,
-                seq: record.seq,
-                body_from_icrf,
-                rate_rad_s: vector(record.rate_rad_s),
-                acceleration_rad_s2: vector(record.acceleration_rad_s2),
-            }
-        });
-        if let Some(sample) = sample.filter(|sample| self.history.insert(*sample, at).is_ok()) {
-            if record.flags.rate {
-                self.check_rate(&sample, ledger);
-            }
-            self.keep_tag(record.t_us, epoch);
-            self.newest_epoch = self.newest_epoch.max(Some(epoch));
-            self.newest_arrival = self.newest_arrival.max(Some(at));
-        } else {
-            ledger.note(Event::new(EventKind::SampleRefused, at, None, at - epoch));
+            self.session.triggers.each(|head| head.follow_clock(&estimate));
         }
     }
 
@@ -347,7 +196,7 @@ impl Receiver {
     /// and no frame waits for it. Does not allocate.
     pub fn take_plant(&mut self, sample: &PlantSample, arrived: Tai, ledger: &mut Ledger) -> bool {
         let at = sample.at;
-        let attitude = sample.attitude.is_none_or(|attitude| self.take_plant_attitude(at, &attitude, arrived, ledger));
+        let attitude = sample.attitude.is_none_or(|attitude| self.attitudes.take_plant(at, &attitude, arrived, ledger));
         let heads = &mut self.mountings;
         let jitter =
             sample.jitter_rad.is_none_or(|body_rad| heads.each(|head| head.take_jitter(at, body_rad, arrived)));
@@ -364,127 +213,64 @@ impl Receiver {
         self.take_plant(sample, arrived, ledger);
     }
 
-    /// Compares the rate of an accepted attitude with the attitudes before.
-    fn check_rate(&mut self, sample: &AttitudeSample, ledger: &mut Ledger) {
-        if self.rates.contradicts(sample) {
-            ledger.note(Event::new(EventKind::RatesContradict, sample.at, None, WINDOW));
+    fn accept_plain(&mut self, record: &PlainRecord, arrived: Tai, ledger: &mut Ledger) {
+        if self.clock.is_repeated(record.time) {
+            // Do not use it as a mark either: the clock of a sender that hangs would seem to step back again and again.
+            ledger.note(Event::new(EventKind::SampleRefused, arrived, None, Span::ZERO));
+            return;
         }
-    }
-
-    fn take_plant_attitude(&mut self, at: Tai, attitude: &PlantAttitude, arrived: Tai, ledger: &mut Ledger) -> bool {
-        let PlantAttitude { body_from_icrf, rate_rad_s, acceleration_rad_s2 } = *attitude;
-        self.plant_seq = self.plant_seq.wrapping_add(1);
-        let seq = self.plant_seq;
-        let sample = AttitudeSample { at, seq, body_from_icrf, rate_rad_s, acceleration_rad_s2 };
-        let is_taken = self.history.insert(sample, arrived).is_ok();
-        if is_taken {
-            self.check_rate(&sample, ledger);
-            self.newest_epoch = self.newest_epoch.max(Some(at));
-            self.newest_arrival = self.newest_arrival.max(Some(arrived));
-        }
-        is_taken
-    }
-
-    fn take_burst(&mut self, burst: &JitterBurst, at: Tai, ledger: &mut Ledger) {
-        let period = Span::from_ns(i64::from(burst.period_us) * 1000);
-        match self.clock.to_tai(burst.t_first_us, at) {
-            Some(first) => self.take_jitter(first, period, burst.samples_arcsec(), at, ledger),
-            None => ledger.note(Event::new(EventKind::NoTimeYet, at, None, Span::ZERO)),
-        }
-    }
-
-    /// Accepts a classic pair. It gives its remote time only modulo 256 slots of 2 ms: the nearest candidate is used.
-    fn take_pair(&mut self, pair: &JitterPair, at: Tai, ledger: &mut Ledger) {
-        let Some(estimate) = self.clock.estimate() else {
-            ledger.note(Event::new(EventKind::NoTimeYet, at, None, Span::ZERO));
+        let Some(at) = self.plain_instant(record.time, arrived, ledger) else {
+            ledger.note(Event::new(EventKind::NoTimeYet, arrived, None, Span::ZERO));
             return;
         };
-        const SLOT_NS: i64 = 2_000_000;
-        let now_slot = estimate.to_remote_ns(at).div_euclid(SLOT_NS);
-        let behind = (now_slot - i64::from(pair.slot)).rem_euclid(256);
-        let behind = if behind > 128 { behind - 256 } else { behind };
-        let first = estimate.to_tai((now_slot - behind) * SLOT_NS);
-        self.take_jitter(first, PAIR_PERIOD, &pair.samples_arcsec, at, ledger);
+        let attitude = record.attitude.as_ref().map(plant_attitude);
+        if attitude == Some(None) {
+            ledger.note(Event::new(EventKind::SampleRefused, arrived, None, arrived - at));
+            return;
+        }
+        let sample = PlantSample {
+            attitude: attitude.flatten(),
+            jitter_rad: record.jitter_rad.map(DVec3::from_array),
+            observer: record.observer.as_ref().map(observer_state),
+            ..PlantSample::at(at)
+        };
+        self.take_plant(&sample, arrived, ledger);
     }
 
-    /// Accepts jitter samples, which on the wire are rotations about body X and Y.
-    fn take_jitter(&mut self, first: Tai, period: Span, samples_arcsec: &[[f32; 2]], at: Tai, ledger: &mut Ledger) {
-        self.mountings.each(|head| head.expect_stream(first, period, at));
-        for (i, [x, y]) in (0_i64..).zip(samples_arcsec) {
-            let body_rad = DVec3::new(f64::from(*x), f64::from(*y), 0.0) * ARCSEC;
-            let epoch = first + Span::from_ns(period.ns() * i);
-            if !self.mountings.each(|head| head.take_jitter(epoch, body_rad, at)) {
-                ledger.note(Event::new(EventKind::SampleRefused, at, None, at - epoch));
+    /// Returns the instant of a record. `None` before a clock of any epoch is known.
+    fn plain_instant(&mut self, time: PlainTime, arrived: Tai, ledger: &mut Ledger) -> Option<Tai> {
+        match time {
+            PlainTime::Arrival => Some(arrived - self.params.settings.clock.constant_delay),
+            PlainTime::Tag(tag_ns) => {
+                if let Some(mark) = self.clock.take_tag(tag_ns, arrived, ledger) {
+                    self.follow_mark(&mark, arrived, ledger);
+                }
+                self.clock.remote.estimate().map(|estimate| estimate.to_tai(tag_ns))
             }
         }
     }
 }
 
-#[path = "plain_intake.rs"]
-mod plain_intake;
-
-/// Capacity for observer states that wait for an exposure: 10 s of 100 Hz.
-const OBSERVERS: usize = 1024;
-
-/// Data that a receiver keeps for one head.
-#[derive(Debug)]
-pub struct Mounting {
-    /// Rotation to the axes of its sensor.
-    pub sensor_from_body: Rotation<Sensor, Body>,
-    /// The jitter so far.
-    pub jitter: JitterHistory,
-    /// End of the newest exposure that was drawn.
-    drawn_until: Option<Tai>,
-    /// Jitter samples that arrived after the exposure they belong to was drawn.
-    pub late_jitter: u64,
-    /// States of the observer for the next exposure.
-    observers: VecDeque<(Tai, BarycentricState)>,
+/// Returns `None` for an invalid quaternion, which the codec has already refused.
+fn plant_attitude(attitude: &PlainAttitude) -> Option<PlantAttitude> {
+    Some(PlantAttitude {
+        body_from_icrf: Rotation::from_wxyz(attitude.q_wxyz, NORM_TOLERANCE)?,
+        rate_rad_s: DVec3::from_array(attitude.rate_rad_s),
+        acceleration_rad_s2: DVec3::from_array(attitude.acceleration_rad_s2),
+    })
 }
 
-impl Mounting {
-    pub(super) fn new(params: &AttitudeParams) -> Result<Self> {
-        let mut jitter = JitterHistory::new(params.settings.jitter_history, params.settings.jitter_max_gap);
-        jitter.set_lines(&params.jitter_lines, params.jitter_epoch)?;
-        if let Some(record) = &params.jitter_record {
-            jitter.set_record(record.clone());
-        }
-        let (sensor_from_body, observers) = (params.sensor_from_body, VecDeque::with_capacity(OBSERVERS));
-        Ok(Self { sensor_from_body, jitter, drawn_until: None, late_jitter: 0, observers })
-    }
-
-    /// Records that an exposure that ends at `until` is drawn: samples of it that arrive from now on are late.
-    pub fn note_drawn(&mut self, until: Tai) {
-        self.drawn_until = self.drawn_until.max(Some(until));
-    }
-
-    /// Returns the states of the observer that came since the last call, by arrival, each once.
-    pub fn take_observers(&mut self) -> impl Iterator<Item = (Tai, BarycentricState)> + use<'_> {
-        core::iter::from_fn(|| self.observers.pop_front())
-    }
-
-    /// Accepts a rotation about the body axes; returns false when it was refused.
-    pub(super) fn take_jitter(&mut self, at: Tai, body_rad: DVec3, arrived: Tai) -> bool {
-        let rotation_rad = self.sensor_from_body.apply(body_rad);
-        let is_taken = self.jitter.insert(JitterPoint { at, rotation_rad }, arrived).is_ok();
-        self.late_jitter += u64::from(is_taken && self.drawn_until.is_some_and(|until| at <= until));
-        is_taken
-    }
-
-    /// Accepts a state of the observer; returns false when too many wait.
-    pub(super) fn take_observer(&mut self, at: Tai, state: BarycentricState) -> bool {
-        let has_place = self.observers.len() < OBSERVERS;
-        if has_place {
-            self.observers.push_back((at, state));
-        }
-        has_place
-    }
-
-    /// Expects samples from `first` on.
-    pub(super) fn expect_stream(&mut self, first: Tai, period: Span, arrived: Tai) {
-        self.jitter.note_stream(first, period, arrived);
+fn observer_state(state: &PlainState) -> BarycentricState {
+    BarycentricState {
+        position_km: DVec3::from_array(state.position_km),
+        velocity_km_s: DVec3::from_array(state.velocity_km_s),
     }
 }
 
 #[cfg(test)]
 #[path = "receiver_tests.rs"]
 mod tests;
+
+#[cfg(test)]
+#[path = "plain_intake_tests.rs"]
+mod plain_tests;

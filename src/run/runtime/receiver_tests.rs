@@ -1,11 +1,12 @@
 use super::*;
+use crate::runtime::triggers::FiredTrigger;
 use base::units::NS_PER_S;
 use config::AttitudeSettings;
 use firmware_protocol::can::{Decoder, Format, IdMap, encode};
-use firmware_protocol::message::{AttitudeFlags, Scet, Sync, Trigger};
+use firmware_protocol::message::{AttitudeFlags, AttitudeRecord, Scet, Sync, TimeFollowUp, Trigger};
+use firmware_protocol::ticks::{ticks_diff, wrapped};
 use firmware_protocol::version::CURRENT;
 use plan::attitude::{EstimateLimits, HistoryLimits, RemoteClockLimits, StalePolicy};
-use sky::observer::BarycentricState;
 
 /// Interval between attitudes and between time marks.
 const PERIOD_NS: i64 = NS_PER_S / 100;
@@ -47,7 +48,7 @@ impl Cable {
     fn new(scet_s: i64) -> Self {
         let now_ns = 1000 * NS_PER_S;
         let mut receiver = Receiver::new(params()).unwrap();
-        receiver.expect_trigger(5);
+        receiver.session.expect_trigger(5);
         Self {
             decoder: Decoder::new(IdMap::new(0, 0).unwrap()),
             receiver,
@@ -73,8 +74,7 @@ impl Cable {
         for frame in encode(message, Format::Fd, &IdMap::new(0, 0).unwrap()).unwrap().iter() {
             match self.decoder.read(frame) {
                 Ok(Some(value)) => {
-                    let stamped = Stamped { value, at: Tai::from_ns(self.now_ns) };
-                    self.receiver.accept(&stamped, &mut self.ledger);
+                    self.receiver.accept(0, &value, Tai::from_ns(self.now_ns), &mut self.ledger);
                 }
                 Ok(None) => {}
                 Err(_refused) => self.rejects += 1,
@@ -107,8 +107,12 @@ impl Cable {
         self.send(&Message::Command(Command { token: self.token, request }));
     }
 
+    fn remote_us_at(&self, at: Tai) -> Option<u32> {
+        self.receiver.attitudes.remote_us_at(at, &self.receiver.clock.remote)
+    }
+
     fn accepted(&self) -> u64 {
-        self.receiver.history.counts().accepted
+        self.receiver.attitudes.history.counts().accepted
     }
 }
 
@@ -129,7 +133,7 @@ fn restarted_flight_computer_is_accepted_at_its_first_attitude_whatever_the_last
             }
             cable.send_mark();
             cable.send_attitude(0);
-            let taken = (cable.accepted(), cable.rejects, cable.receiver.history.len());
+            let taken = (cable.accepted(), cable.rejects, cable.receiver.attitudes.history.len());
             assert_eq!(taken, (81, 0, 1), "after {last}, HELLO: {with_hello}");
             assert_eq!(cable.ledger.count(EventKind::ClockRestarted), 1);
             assert_eq!(cable.ledger.count(EventKind::SampleRefused), 0);
@@ -165,11 +169,11 @@ fn exposure_time_is_that_of_the_new_clock_after_a_step_either_way() {
         let middle_ns = cable.now_ns - 10 * PERIOD_NS;
         for off_ns in [-5 * PERIOD_NS, -1_234_000, 0, 3_000_000] {
             let at_ns = middle_ns + off_ns;
-            let reported = cable.receiver.remote_us_at(Tai::from_ns(at_ns)).unwrap();
+            let reported = cable.remote_us_at(Tai::from_ns(at_ns)).unwrap();
             let error_us = ticks_diff(reported, wrapped((at_ns + cable.ahead_ns).div_euclid(1000)));
             assert!(error_us.abs() <= 2, "step of {step_ns} ns, at {off_ns} ns: {error_us} us off");
         }
-        let before = cable.receiver.remote_us_at(Tai::from_ns(middle_ns - 25 * PERIOD_NS)).unwrap();
+        let before = cable.remote_us_at(Tai::from_ns(middle_ns - 25 * PERIOD_NS)).unwrap();
         let error_us = ticks_diff(before, wrapped((middle_ns - 25 * PERIOD_NS + cable.ahead_ns).div_euclid(1000)));
         assert!(error_us.abs() < 100, "an exposure before the step is reported in the present time: {error_us} us");
     }
@@ -183,10 +187,10 @@ fn exposure_time_stays_near_its_tags_when_the_order_of_epochs_is_another_than_th
     let at = |ms: i64| Tai::from_ns(ms * 1_000_000);
     cable.send_mark();
     for (t_us, ms) in [(1_000_000, 0), (1_010_000, 10), (1_020_000, 5)] {
-        cable.receiver.keep_tag(t_us, at(ms));
+        cable.receiver.attitudes.keep_tag(t_us, at(ms));
     }
     // Between the epochs 5 and 10 ms lie the tags 1 020 000 and 1 010 000.
-    let reported = cable.receiver.remote_us_at(at(7)).unwrap();
+    let reported = cable.remote_us_at(at(7)).unwrap();
     assert!((1_010_000..=1_020_000).contains(&reported), "{reported}");
 }
 
@@ -200,14 +204,15 @@ fn triggers_follow_a_stepped_clock_and_leave_a_restarted_one() {
         cable.set_clock(new_scet_s * NS_PER_S);
         let stepped_at = Tai::from_ns(cable.now_ns);
         cable.send_mark();
-        let acted: Vec<FiredTrigger> = cable.receiver.take_triggers(0, stepped_at + Span::from_ms(11_000)).collect();
+        let (triggers, up_to) = (cable.receiver.session.triggers.of_mut(0), stepped_at + Span::from_ms(11_000));
+        let acted: Vec<FiredTrigger> = core::iter::from_fn(|| triggers.next(up_to)).collect();
         assert_eq!(acted.len(), fired, "the clock reads {new_scet_s} s");
         for trigger in acted {
             let off = trigger.at - (stepped_at + Span::from_ms(10_000));
             assert!(off.ns().abs() < 1_000_000, "{off:?} from SCET 140 s");
         }
         assert_eq!(cable.ledger.count(EventKind::TriggerForgotten), forgotten);
-        assert_eq!(cable.receiver.session.triggers().waiting(), 0, "no place is held for ever");
+        assert_eq!(cable.receiver.session.triggers.of(0).waiting(), 0, "no place is held for ever");
     }
 }
 
@@ -223,7 +228,7 @@ fn motion_that_no_spacecraft_makes_is_refused_and_counted() {
     cable.send_record(3, [0.0, 1.0, 0.0, 0.0], [0.0; 3]);
     cable.now_ns += 3 * PERIOD_NS;
     cable.send_record(4, [1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0]);
-    assert_eq!((cable.accepted(), cable.receiver.history.counts().too_fast), (2, 3));
+    assert_eq!((cable.accepted(), cable.receiver.attitudes.history.counts().too_fast), (2, 3));
     assert_eq!(cable.ledger.count(EventKind::SampleRefused), 3);
 }
 
@@ -234,7 +239,7 @@ fn pairs_are_counted_since_the_start_and_those_left_out_by_reason() {
         cable.send_mark();
     }
     let counts = |cable: &Cable| {
-        let clock = &cable.receiver.clock;
+        let clock = &cable.receiver.clock.remote;
         (clock.pairs, clock.late, clock.outliers)
     };
     assert_eq!(counts(&cable), (500, 0, 0), "not those of a window");
@@ -259,11 +264,11 @@ fn samples_of_a_plant_outside_keep_double_precision_and_their_instants() {
     let sample =
         PlantSample { at: now, attitude: Some(attitude), jitter_rad: Some(DVec3::X * 1e-7), observer: Some(state) };
     assert!(cable.receiver.take_plant(&sample, now, &mut ledger));
-    let newest = cable.receiver.history.newest().unwrap();
+    let newest = cable.receiver.attitudes.history.newest().unwrap();
     assert_eq!((newest.at, newest.rate_rad_s.z), (now, 1e-9));
     assert!(newest.body_from_icrf.rotation_vector_to(&turned).length() < 1e-15, "single precision would be 1e-8 off");
-    assert_eq!(cable.receiver.mounting_mut(0).take_observers().collect::<Vec<_>>(), [(now, state)]);
-    assert_eq!(cable.receiver.mounting_mut(0).take_observers().count(), 0, "each state once");
+    assert_eq!(cable.receiver.mountings.of_mut(0).take_observers().collect::<Vec<_>>(), [(now, state)]);
+    assert_eq!(cable.receiver.mountings.of_mut(0).take_observers().count(), 0, "each state once");
     assert_eq!(ledger.count(EventKind::SampleRefused), 0);
     // The same instant again, and an old instant: each part is counted.
     assert!(!cable.receiver.take_plant(&sample, now, &mut ledger));
@@ -271,7 +276,7 @@ fn samples_of_a_plant_outside_keep_double_precision_and_their_instants() {
     let refused = ledger.count(EventKind::SampleRefused);
     assert!(!cable.receiver.take_plant(&old, now, &mut ledger));
     assert_eq!(ledger.count(EventKind::SampleRefused), refused + 1);
-    assert_eq!(cable.receiver.age_at(now), Some(Span::ZERO));
+    assert_eq!(cable.receiver.attitudes.age_at(now), Some(Span::ZERO));
 }
 
 #[test]

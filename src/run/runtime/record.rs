@@ -191,10 +191,10 @@ impl RunRecord {
         sink: Option<&SinkSummary>,
     ) -> RunSummary {
         let mut summary = RunSummary::empty(Machine::read());
-        let params = engine.params();
+        let params = &engine.params;
         summary.camera = params.camera.name.to_string();
-        summary.backend = engine.imager().name().into();
-        summary.adapter = engine.imager().description();
+        summary.backend = engine.drawer.imager.name().into();
+        summary.adapter = engine.drawer.imager.description();
         summary.start_utc = params.first_exposure.to_rfc3339();
         summary.frame_period_s = params.frame_period.s();
         summary.duration_s = params.frame_period.s() * f64::from(params.frames);
@@ -231,20 +231,20 @@ fn named<'a>(counts: impl Iterator<Item = (&'a str, u64)>) -> BTreeMap<String, u
 }
 
 fn link_counts(receiver: &Receiver, ports: &[PortReading]) -> LinkCounts {
-    let history = receiver.history.counts();
+    let history = receiver.attitudes.history.counts();
     let mut counts = LinkCounts::default();
     let mut add = |name: &str, count: u64| counts.counters.insert(name.to_string(), count);
     add("attitudes_accepted", history.accepted);
-    add("jitter_points_accepted", receiver.mounting(0).jitter.counts().accepted);
-    add("clock_pairs", receiver.clock.pairs);
+    add("jitter_points_accepted", receiver.mountings.of(0).jitter.counts().accepted);
+    add("clock_pairs", receiver.clock.remote.pairs);
     for (number, port) in ports.iter().enumerate() {
         count_port(&mut counts, number, port);
     }
     counts.first_refused = ports.iter().find_map(|port| port.first_refused).map(|first| first.to_string());
-    let pulses = receiver.pulses;
-    let triggers = receiver.session.triggers().counts();
+    let pulses = receiver.clock.pulses;
+    let triggers = receiver.session.triggers.of(0).counts();
     let sometimes = [
-        ("jitter_points_late", receiver.mounting(0).late_jitter),
+        ("jitter_points_late", receiver.mountings.of(0).late_jitter),
         ("pulses_used", pulses.used),
         ("pulses_refused", pulses.refused),
         ("triggers_accepted", triggers.accepted),
@@ -259,7 +259,7 @@ fn link_counts(receiver: &Receiver, ports: &[PortReading]) -> LinkCounts {
             counts.counters.insert(name.into(), count);
         }
     }
-    let jitter = receiver.mounting(0).jitter.counts();
+    let jitter = receiver.mountings.of(0).jitter.counts();
     let history = [
         ("jitter_duplicate_epoch", jitter.duplicate_epoch),
         ("jitter_stale_time", jitter.stale),
@@ -274,7 +274,7 @@ fn link_counts(receiver: &Receiver, ports: &[PortReading]) -> LinkCounts {
         ("too_fast", history.too_fast),
         ("older_than_history", history.older_than_history),
     ];
-    let clock = &receiver.clock;
+    let clock = &receiver.clock.remote;
     let marks = [("late_time_mark", clock.late), ("outlier_time_mark", clock.outliers)];
     for (name, count) in history.into_iter().chain(marks).filter(|(_, count)| *count > 0) {
         *counts.rejects.entry(name.into()).or_default() += count;

@@ -109,7 +109,7 @@ impl Reply {
 
 /// Returns the time from the epoch of the newest attitude to now, when the frame goes out, us.
 fn latency_us(receiver: &Receiver, now: Tai) -> u32 {
-    let age = receiver.age_at(now).unwrap_or(Span::ZERO);
+    let age = receiver.attitudes.age_at(now).unwrap_or(Span::ZERO);
     u32::try_from(age.ns().max(0) / 1000).unwrap_or(u32::MAX)
 }
 
@@ -120,21 +120,21 @@ fn all_rejects(ports: &[u32; REASONS], receiver: &Receiver) -> [u32; REASONS] {
         let total = &mut all[usize::from(reason.code())];
         *total = total.saturating_add(u32::try_from(count).unwrap_or(u32::MAX));
     };
-    for counts in [receiver.history.counts(), receiver.mounting(0).jitter.counts()] {
+    for counts in [receiver.attitudes.history.counts(), receiver.mountings.of(0).jitter.counts()] {
         add(Reject::StaleTime, counts.stale + counts.older_than_history);
         add(Reject::FutureTime, counts.future);
         add(Reject::NotFinite, counts.not_finite);
         add(Reject::UnknownValue, counts.too_fast);
     }
     // A pair that came too late has a time older than possible, an outlying one a newer time.
-    add(Reject::StaleTime, receiver.clock.late);
-    add(Reject::FutureTime, receiver.clock.outliers);
+    add(Reject::StaleTime, receiver.clock.remote.late);
+    add(Reject::FutureTime, receiver.clock.remote.outliers);
     all
 }
 
 fn exposure(meta: &FrameMeta, receiver: &Receiver) -> Option<Exposure> {
-    let mid_exposure_us = receiver.remote_us_at(meta.mid_exposure)?;
-    let seq = receiver.history.newest().map_or(0, |sample| sample.seq);
+    let mid_exposure_us = receiver.attitudes.remote_us_at(meta.mid_exposure, &receiver.clock.remote)?;
+    let seq = receiver.attitudes.history.newest().map_or(0, |sample| sample.seq);
     let age_us = meta.horizon.max(Span::ZERO).ns() / 1000;
     let age_us = u32::try_from(age_us).unwrap_or(u32::MAX);
     Some(Exposure::new(low_byte(meta.number), seq, mid_exposure_us, age_us))
@@ -162,7 +162,7 @@ fn prediction(frame: &ReportedFrame<'_>) -> Option<StatusPage> {
 }
 
 fn clock(receiver: &Receiver) -> Option<StatusPage> {
-    let estimate = receiver.clock.estimate()?;
+    let estimate = receiver.clock.remote.estimate()?;
     // The drift is local seconds per remote second; the flight computer needs its own rate relative to ours.
     #[allow(clippy::cast_possible_truncation, reason = "float-to-int casts saturate")]
     let drift_0_1ppm = (-estimate.drift * 1e7).round() as i16;

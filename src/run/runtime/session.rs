@@ -10,13 +10,13 @@
 
 use crate::runtime::camera_intake::CameraIntake;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
-use crate::runtime::triggers::{Taken, Triggers, instant_of};
+use crate::runtime::slot::Slot;
+use crate::runtime::triggers::{FiredTrigger, Taken, Triggers, instant_of};
 use base::time::{Span, Tai};
 use config::{SessionParams, SessionStart};
 use firmware_protocol::handshake::{Answer, Handshake, Takes};
 use firmware_protocol::message::{
-    CameraSetting, CameraTrigger, Command, Heartbeat, Rates, Refusal, Reply, Request, TableCell, Trigger, Triggered,
-    capability,
+    CameraSetting, CameraTrigger, Command, Heartbeat, Rates, Refusal, Reply, Request, Trigger, Triggered, capability,
 };
 use firmware_protocol::tables::TableStore;
 use firmware_protocol::{DBC_CRC32, version};
@@ -40,7 +40,7 @@ pub struct Session {
     /// The parameter tables in effect.
     pub tables: TableStore,
     /// The waiting triggers of each head: every head takes them by its own exposures.
-    triggers: PerHead<Triggers>,
+    pub triggers: PerHead<Triggers>,
     /// The camera commands taken in.
     pub cameras: CameraIntake,
     /// True when stopped or refused since the last RUN.
@@ -80,29 +80,21 @@ impl Session {
         self.triggers.push(self.triggers.of(0).beside());
     }
 
-    /// Returns the triggers of the first head.
-    pub fn triggers(&self) -> &Triggers {
-        self.triggers.of(0)
-    }
-
-    /// Returns the triggers of a head, for a caller that takes out due ones.
-    pub fn triggers_mut(&mut self, head: usize) -> &mut Triggers {
-        self.triggers.of_mut(head)
-    }
-
-    /// Moves the waiting triggers to their instants under a new estimate of the clock.
-    pub fn follow_clock(&mut self, clock: &ClockEstimate) {
-        self.triggers.each(|head| head.follow_clock(clock));
-    }
-
     /// Accepts triggers of this number from now on; all others are refused.
     pub fn expect_trigger(&mut self, number: u16) {
         self.triggers.each(|head| head.expect(number));
     }
 
-    /// Stores one cell of a table; it has no effect before APPLY.
-    pub fn put(&mut self, cell: &TableCell) {
-        self.tables.put(cell);
+    /// Passes the triggers of a head that act by the end of a slot's exposure to `fire`, by rising time, each once for each
+    /// head; the first head's are recorded. Allocates nothing.
+    pub fn fire_triggers(&mut self, head: usize, slot: Slot, ledger: &mut Ledger, fire: &mut dyn FnMut(FiredTrigger)) {
+        while let Some(fired) = self.triggers.of_mut(head).next(slot.exposure_end) {
+            if head == 0 {
+                let ahead = slot.exposure_end - fired.at;
+                ledger.note(Event::new(EventKind::TriggerFired, fired.at, Some(slot.number), ahead));
+            }
+            fire(fired);
+        }
     }
 
     /// Returns true when frames show the received attitude.
@@ -262,7 +254,7 @@ fn note_forgotten(forgotten: u64, at: Tai, ledger: &mut Ledger) {
 
 /// A value for each head of a run; at least one.
 #[derive(Debug, Clone)]
-pub(super) struct PerHead<T> {
+pub struct PerHead<T> {
     first: T,
     others: Vec<T>,
 }
@@ -279,12 +271,12 @@ impl<T> PerHead<T> {
     }
 
     /// Returns the value of a head; of the first one when the head does not exist.
-    pub(super) fn of(&self, head: usize) -> &T {
+    pub fn of(&self, head: usize) -> &T {
         head.checked_sub(1).and_then(|place| self.others.get(place)).unwrap_or(&self.first)
     }
 
     /// Returns the value of a head for changes; of the first one when the head does not exist.
-    pub(super) fn of_mut(&mut self, head: usize) -> &mut T {
+    pub fn of_mut(&mut self, head: usize) -> &mut T {
         match head.checked_sub(1) {
             Some(place) if place < self.others.len() => &mut self.others[place],
             _ => &mut self.first,
@@ -370,8 +362,8 @@ mod tests {
         assert_eq!(talk.say(trigger(7)), refused);
         talk.token -= 1;
         assert_eq!(talk.say(trigger(7)), refused, "the repeat");
-        let counts = talk.session.triggers().counts();
-        assert_eq!((counts.refused, counts.repeated, talk.session.triggers().waiting()), (1, 1, 0));
+        let counts = talk.session.triggers.of(0).counts();
+        assert_eq!((counts.refused, counts.repeated, talk.session.triggers.of(0).waiting()), (1, 1, 0));
         assert_eq!((talk.count(EventKind::TriggerRefused), talk.count(EventKind::CommandRefused)), (1, 0));
         // Negative control: the number that a fault waits for is accepted.
         assert!(matches!(talk.say(trigger(3)), Reply::Triggered(_)));

@@ -273,13 +273,13 @@ impl VirtualLoop {
         if number == 0 {
             self.watch_link(slot.due, world);
         }
-        let (pointing_bound_rad, rejects) = (head.engine.pointing_bound_rad, &self.reading.rejects);
+        let (pointing_bound_rad, rejects) = (head.engine.pointing.bound_rad, &self.reading.rejects);
         let reported = ReportedFrame { meta: &frame.meta, pointing_bound_rad, rejects, now: slot.due };
         let World { port, receiver, .. } = world;
         self.reply.report(number, &reported, receiver, |message| port.send(&message).map(|_at| ()))?;
         // The stimulator reports its own data before its frame is damaged.
         head.faults.spoil(&fate, &mut frame);
-        let end = end_of(head.engine.end_on_time, fate.delay, Span::ZERO);
+        let end = end_of(head.engine.pointing.end_on_time, fate.delay, Span::ZERO);
         self.queue((number, slot), frame, fate, (drawn, end));
         Ok(())
     }
@@ -308,7 +308,7 @@ impl VirtualLoop {
 
     /// Adds changes of the link to the ledger.
     fn watch_link(&mut self, now: Tai, world: &mut World<'_>) {
-        world.receiver.watch(now, &mut self.record.ledger);
+        world.receiver.session.watch(now, &mut self.record.ledger);
         let reading = PortReading::of(world.port, 0);
         reading.announce(&self.reading, now, &mut self.record.ledger);
         self.reading = reading;
@@ -363,9 +363,9 @@ impl VirtualLoop {
 
     /// Returns a buffer of the engine's size.
     fn take_buffer(&mut self, engine: &FrameEngine) -> SentFrame {
-        let size = engine.params().camera.output().size_px;
+        let size = engine.params.camera.output().size_px;
         let fits = |frame: &SentFrame| {
-            [frame.image.width(), frame.image.height()] == size && frame.meta.camera == engine.params().camera.name
+            [frame.image.width(), frame.image.height()] == size && frame.meta.camera == engine.params.camera.name
         };
         let place = self.spare.iter().position(fits);
         place.map_or_else(|| empty_frame(engine), |place| self.spare.swap_remove(place))
@@ -374,7 +374,7 @@ impl VirtualLoop {
 
 /// Returns the latest instant at which a head may still draw, as known now.
 pub(crate) fn last_release(engine: &FrameEngine) -> Tai {
-    let nominal = engine.slot(engine.params().frames.saturating_sub(1)).release;
+    let nominal = engine.exposing.nominal(engine.params.frames.saturating_sub(1)).release;
     match engine.exposing.next() {
         NextSlot::Slot(slot) => nominal.max(slot.release),
         NextSlot::Waiting(until) => nominal.max(until),
@@ -383,7 +383,7 @@ pub(crate) fn last_release(engine: &FrameEngine) -> Tai {
 }
 
 fn empty_frame(engine: &FrameEngine) -> SentFrame {
-    let camera = &engine.params().camera;
+    let camera = &engine.params.camera;
     let [width, height] = camera.output().size_px;
     SentFrame::with_capacity(width, height, 0, camera.name.clone())
 }

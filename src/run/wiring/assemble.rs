@@ -259,7 +259,7 @@ impl Run {
 
     /// Returns the number of frames of all heads in the whole run.
     pub fn frames(&self) -> u64 {
-        self.heads.iter().map(|head| u64::from(head.engine.params().frames)).sum()
+        self.heads.iter().map(|head| u64::from(head.engine.params.frames)).sum()
     }
 
     /// Returns the destination of the live view's numbers, if there is a live view.
@@ -288,7 +288,7 @@ fn check_memory(scenario: &Scenario, outputs: &Outputs<'_>, clock: RunClockKind,
 
 /// Returns the instants of a run: from the first exposure of the first head to the end of the last frame of any.
 fn times(start: Tai, heads: &[Head]) -> Result<RunTimes> {
-    let params = || heads.iter().map(|head| head.engine.params());
+    let params = || heads.iter().map(|head| &head.engine.params);
     let zero = params().next().map(|params| params.first_exposure).context("a run without a head")?;
     let end = params().map(|params| params.exposure_start(params.frames)).max().unwrap_or(zero);
     Ok(RunTimes { start, zero, end })
@@ -308,7 +308,7 @@ fn sink_of_head(
         Outputs::Made(make) => return Ok(make(number)),
         Outputs::Configured { sinks, directory } => (*sinks, directory.as_deref()),
     };
-    let params = head.engine.params();
+    let params = &head.engine.params;
     let camera = &params.camera;
     let [width, height] = camera.output().size_px;
     let desks = RefCell::new(Vec::new());

@@ -375,7 +375,7 @@ pub(super) fn make_ready<'a>(
     mut heads: impl Iterator<Item = &'a mut Head>,
     receiver: &mut Receiver,
 ) -> Result<(), RunError> {
-    event.on_trigger.into_iter().for_each(|number| receiver.expect_trigger(number));
+    event.on_trigger.into_iter().for_each(|number| receiver.session.expect_trigger(number));
     heads.try_for_each(|Head { engine, faults, .. }| faults.prepare(engine))
 }
 

@@ -22,17 +22,21 @@ const TAP_FRAMES: usize = 8;
 
 /// Returns the sizes of detector and images of a head.
 pub(super) fn size_of(head: &Head) -> HeadSize {
-    let camera = &head.engine.params().camera;
+    let camera = &head.engine.params.camera;
     HeadSize { size_px: camera.sensor_px(), output_px: camera.output().size_px }
 }
 
 /// Returns the receiver of all heads of a run.
 pub(super) fn make_receiver(scenario: &Scenario, heads: &[Head]) -> Result<Receiver> {
-    let mut params = heads.iter().map(|head| &head.engine.params().attitude);
+    let mut params = heads.iter().map(|head| &head.engine.params.attitude);
     let first = params.next().context("a run without a head")?;
     let mut receiver = Receiver::new(first.clone())?.with_session(scenario.bench.session);
     params.try_for_each(|next| receiver.add_head(next))?;
-    scenario.events.iter().filter_map(|event| event.on_trigger).for_each(|number| receiver.expect_trigger(number));
+    scenario
+        .events
+        .iter()
+        .filter_map(|event| event.on_trigger)
+        .for_each(|number| receiver.session.expect_trigger(number));
     Ok(receiver)
 }
 
@@ -77,7 +81,7 @@ pub(super) fn make_heads(setting: HeadSetting<'_>) -> Result<Vec<Head>> {
         }
         let mut engine = shared.engine(params, imager)?.of_head(heads.len());
         if scenario.plant == Plant::FlightComputer {
-            engine.expect_motion(script_scale(bench));
+            engine.pointing.motion = Some(script_scale(bench));
         }
         let (tracker, sink) = with_tap(&engine, has_tracker);
         let (mounting, is_shown) = (own.sensor_from_body, !(draws_twice && has_tracker));
@@ -100,7 +104,7 @@ fn with_tap(engine: &FrameEngine, has_tracker: bool) -> (Option<TapEnd>, Box<dyn
     if !has_tracker {
         return (None, Box::new(NullSink::new()));
     }
-    let (sender, end) = tap(engine.params().camera.output().size_px, TAP_FRAMES);
+    let (sender, end) = tap(engine.params.camera.output().size_px, TAP_FRAMES);
     (Some(end), Box::new(sender))
 }
 

@@ -36,7 +36,7 @@ impl Run {
         let RunOutcome { record, ports, summaries, sinks: sink_lines, lost_threads, error: of_loop } = outcome;
         let of_frames = heads.iter().map(|head| &head.faults).collect();
         let faults = lock(&desk).lines(of_frames, &|number| far.hits_aboard(number));
-        let flown = Flown::of(far.vehicle(), &far.witness.assessment, heads[0].engine.params());
+        let flown = Flown::of(far.vehicle(), &far.witness.assessment, &heads[0].engine.params);
         let assessment = far.witness.finish(&record, &faults, now);
         let mut losses = Losses::of_sinks(&sink_lines);
         note_lost_reader(&mut losses, &record.ledger);

@@ -216,7 +216,7 @@ pub(super) fn arm(bench: &Bench, heads: &mut [Head]) -> Result<()> {
         }
         let is_of_line = |number: usize| line.head.is_none_or(|head| head == number);
         for head in heads.iter_mut().enumerate().filter(|(number, _)| is_of_line(*number)).map(|(_, head)| head) {
-            let at = head.engine.params().first_exposure;
+            let at = head.engine.params.first_exposure;
             let exposing = &mut head.engine.exposing;
             if exposing.range().is_none() {
                 bail!(

@@ -145,7 +145,7 @@ impl SteppedRun {
     /// # Errors
     /// When no sample is near: before the first one, or before the kept ones.
     pub fn attitude_at(&self, at: Tai) -> Result<EstimatedAttitude> {
-        let estimated = state_at(&self.run.receiver.history, at, &self.run.receiver.params.settings.estimate);
+        let estimated = state_at(&self.run.receiver.attitudes.history, at, &self.run.receiver.params.settings.estimate);
         estimated.map_err(|error| LoopError::Parts(error.into()))
     }
 
@@ -236,7 +236,7 @@ impl SteppedRun {
     pub fn look<T>(&self, frames_crc32: Vec<u32>, look: impl FnOnce(&LoopView<'_>) -> T) -> T {
         let far = self.far.borrow();
         let assessment = &far.witness.assessment;
-        let flown = Flown::of(far.vehicle(), assessment, self.run.heads[0].engine.params());
+        let flown = Flown::of(far.vehicle(), assessment, &self.run.heads[0].engine.params);
         let facts = Facts {
             record: self.record(),
             heads: &self.run.heads,

@@ -37,7 +37,7 @@ impl Taps {
         let Some(live) = self.live else { return };
         // After a failure the last numbers are not published: a failed run must not look like a finished one.
         if end.error.is_none() {
-            let frames = end.heads.iter().map(|head| u64::from(head.engine.params().frames)).sum();
+            let frames = end.heads.iter().map(|head| u64::from(head.engine.params.frames)).sum();
             live.numbers().send_last(&end.record.numbers(Some(frames)));
         }
         if !live.finish() {
@@ -75,9 +75,9 @@ impl CaptureOptions<'_> {
             scenario,
             start,
             is_real: matches!(clock, RunClock::Real(_)),
-            backend: first.engine.imager().name(),
-            adapter: first.engine.imager().description(),
-            cost: first.engine.params().cost,
+            backend: first.engine.drawer.imager.name(),
+            adapter: first.engine.drawer.imager.description(),
+            cost: first.engine.params.cost,
         };
         let recording = Recording::start(&self.directory, self.format, &params)?;
         for (number, head) in heads.iter_mut().enumerate() {
@@ -162,7 +162,7 @@ fn stage_limit_ms(bench: &Bench) -> [Option<f64>; Stage::COUNT] {
 }
 
 fn head_params(number: usize, engine: &FrameEngine) -> HeadParams {
-    let run = engine.params();
+    let run = &engine.params;
     let camera = &run.camera;
     let output = camera.output();
     let half_tangent = |axis: usize| {

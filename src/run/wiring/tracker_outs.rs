@@ -109,7 +109,7 @@ pub(super) fn tap_heads(
         let Some(head) = heads.get_mut(settings.head * copies) else { continue };
         let place = format!("tracker_out[{number}]");
         let shared = Arc::new(OutShared::new(place, settings.protocol.name()));
-        let camera = &head.engine.params().camera;
+        let camera = &head.engine.params.camera;
         let (size_px, readout) = (camera.output().size_px, Span::from_s(camera.readout_s));
         let seed = own.seed ^ (TRACKER_SEED + number as u64);
         let (eyes, size_px) = match settings.source {

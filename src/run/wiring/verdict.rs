@@ -169,7 +169,7 @@ pub(super) fn verdict(promise: &Promise, facts: &Facts<'_>) -> RunVerdict {
 
 /// A run without a single attitude from outside is never `ok`, whatever its limits.
 fn add_silence(verdict: &mut RunVerdict, promise: &Promise, facts: &Facts<'_>) {
-    let accepted = facts.receiver.history.counts().accepted;
+    let accepted = facts.receiver.attitudes.history.counts().accepted;
     let was_due = facts.record.account.scheduled() > 0;
     if promise.is_external && accepted == 0 && was_due {
         let refused: u64 = facts.ports.iter().map(PortReading::refused_messages).sum();

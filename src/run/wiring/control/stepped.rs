@@ -192,7 +192,7 @@ fn step_goal(by: StepBy, going: &SteppedRun, instants: &Instants, frames_out: u6
         StepBy::Frames(frames) => {
             // A commanded camera may send any number of frames.
             let engine = &going.run.heads[0].engine;
-            let at_most = if engine.exposing.is_commanded { u64::MAX } else { u64::from(engine.params().frames) };
+            let at_most = if engine.exposing.is_commanded { u64::MAX } else { u64::from(engine.params.frames) };
             let left = at_most.saturating_sub(frames_out);
             let goal = Goal::Frames(frames_out.saturating_add(frames));
             let refuse = || format!("frames is {frames}; wanted at most the {left} that are left");

@@ -12,8 +12,7 @@
 use super::captured_links::{CapturedLinks, Source};
 use super::{CapturedFate, CapturedSample, DrawnFrom, FrameRow, Result};
 use crate::runtime::frame_faults::{Fate, FrameFaults};
-use crate::runtime::receiver::{PORTS_MAX, Receiver};
-use crate::runtime::{Exposed, Head, Imager, Ledger, Slot};
+use crate::runtime::{Exposed, Head, Imager, Ledger, Slot, clock_intake::PORTS_MAX, receiver::Receiver};
 use crate::wiring::faults::{FaultDesk, Inventory, in_order_of_placing, make_ready};
 use crate::wiring::heads::{CostsHere, HeadSetting, make_heads, make_receiver, size_of};
 use base::refused::Refused;
@@ -87,7 +86,7 @@ impl<'a> Replayed<'a> {
             heads: heads.iter().map(size_of).collect(),
             wheels: scenario.vehicle().map(|vehicle| vehicle.spacecraft.params.wheels.len()),
         };
-        let zero = heads.first().map_or(start, |head| head.engine.params().first_exposure);
+        let zero = heads.first().map_or(start, |head| head.engine.params.first_exposure);
         Ok((Self { scenario, start, source, real, frames, there, zero }, heads))
     }
 }
@@ -130,12 +129,12 @@ impl HeadPlayback {
         let desk = FaultDesk::new(zero, scenario.bench.sensor_from_body, there, Default::default());
         let mut faults = HeadFaults::new(desk, zero, number, heads);
         faults.place_all(&scenario.events, start, &mut head, &mut receiver)?;
-        let camera = &head.engine.params().camera;
+        let camera = &head.engine.params.camera;
         let [width, height] = camera.output().size_px;
         let mut frame = SentFrame::with_capacity(width, height, 0, camera.name.clone());
         head.engine.warm_up(&mut frame)?;
         if replayed.real.is_some() {
-            head.engine.follow_load();
+            head.engine.pace.follow_load();
         }
         Ok(Self {
             head,
@@ -157,12 +156,12 @@ impl HeadPlayback {
 
     /// Returns the imager of the head.
     pub(super) fn imager(&self) -> &Imager {
-        self.head.engine.imager()
+        &self.head.engine.drawer.imager
     }
 
     /// Returns the number of its frames in the whole run.
     pub(super) fn frame_count(&self) -> u32 {
-        self.head.engine.params().frames
+        self.head.engine.params.frames
     }
 
     /// Adds an event injected this long after the first exposure.
@@ -187,7 +186,7 @@ impl HeadPlayback {
             // A frame may show the previous one.
             let from = self.frames.start.saturating_sub(u32::from(self.faults.has_any(&self.head)));
             if (from..self.frames.end).contains(&row.frame) {
-                self.head.engine.assume_load(*load);
+                self.head.engine.pace.assume_load(*load);
                 own = self.draw_as_captured(row, exposed.as_ref())?.filter(|_| self.frames.contains(&row.frame));
             }
         }
@@ -220,7 +219,7 @@ impl HeadPlayback {
 
     fn receive_up_to(&mut self, messages: &[u64; PORTS_MAX], frame: u32) -> Result<()> {
         while !self.has_run_out {
-            let taken = self.receiver.messages_by_port();
+            let taken = self.receiver.messages;
             let is_wanted = |link: usize| {
                 let place = link.min(PORTS_MAX - 1);
                 taken[place] < messages[place]
@@ -238,7 +237,7 @@ impl HeadPlayback {
                 (Some((link, message)), _) => drop(self.receiver.accept_input(link, &message, &mut self.ledger)),
                 (None, None) => {
                     self.has_run_out = true;
-                    let (wanted, held) = (messages.iter().sum::<u64>(), self.receiver.messages());
+                    let (wanted, held) = (messages.iter().sum::<u64>(), self.receiver.messages.iter().sum::<u64>());
                     self.doubt(format!("frame {frame} was drawn after {wanted} messages; the capture holds {held}"));
                 }
             }
@@ -249,7 +248,7 @@ impl HeadPlayback {
     /// Takes in everything that arrived by the release of a slot, and draws it; returns false when the capture ended
     /// before.
     pub(super) fn draw_at_release(&mut self, number: u32) -> Result<bool> {
-        let slot = self.head.engine.slot(number);
+        let slot = self.head.engine.exposing.nominal(number);
         while let Some((link, message)) = self.links.take(slot.release, |_| true)? {
             self.receiver.accept_input(link, &message, &mut self.ledger);
         }

@@ -90,8 +90,8 @@ impl Recording {
     #[must_use]
     pub fn tap_frames(&self, head: usize, engine: &mut FrameEngine, sink: Box<dyn Sink>) -> Box<dyn Sink> {
         let (marks, end) = frame_marks();
-        engine.mark_frames(marks);
-        let holds = engine.params().deadline_policy == DeadlinePolicy::Hold;
+        engine.marks = Some(marks);
+        let holds = engine.params.deadline_policy == DeadlinePolicy::Hold;
         Box::new(self.rows.sink(head, sink, end, holds))
     }
 

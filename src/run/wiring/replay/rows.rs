@@ -20,7 +20,7 @@
 //! with `+` between them. Empty: an exposure by the frame rate with the camera's own settings.
 
 use super::{Result, table_lines::TableLines};
-use crate::runtime::receiver::PORTS_MAX;
+use crate::runtime::clock_intake::PORTS_MAX;
 use crate::runtime::{Exposed, Started};
 use base::time::{Span, Tai};
 use frames::camera_control::{CameraSettings, Region, Regions, TriggerSource};

@@ -4,7 +4,7 @@
 use super::row_writer::{RowWriter, RowsOutcome};
 use super::rows::{HEADER, HEADER_OF_ONE, ORDER_FRAMES, RowReader, RowsOfHead};
 use super::{CapturedFate, DrawnFrom, FrameRow, RowCounts};
-use crate::runtime::receiver::PORTS_MAX;
+use crate::runtime::clock_intake::PORTS_MAX;
 use crate::runtime::{FrameMark, frame_marks};
 use CapturedFate::{Dropped, Held, Late, Sent};
 use base::{patience, time::Span};
