@@ -422,6 +422,7 @@ impl Receiver {
 
 #[path = "plain_intake.rs"]
 mod plain_intake;
+pub use plain_intake::plain_sample;
 
 /// Capacity for observer states that wait for an exposure: 10 s of 100 Hz.
 const OBSERVERS: usize = 1024;
