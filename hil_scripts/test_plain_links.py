@@ -197,6 +197,12 @@ def as_42(unix_s):
             f"SC[0].wn = [{number(rate)}]\nSC[0].svb = [1 0 0]\n[ENDMSG]\n").encode()
 
 
+def as_42_before_2024(unix_s):
+    """The same as 42 wrote it before 2024: without brackets, the quaternion of the first body, another end."""
+    text = as_42(unix_s).replace(b"SC[0].qn", b"SC[0].B[0].qn").replace(b"SC[0].wn", b"SC[0].B[0].wn")
+    return text.replace(b"= [", b"= ").replace(b"]\n", b"\n").replace(b"[ENDMSG\n", b"[EOF]\n")
+
+
 class PlainLinks(unittest.TestCase):
     def check(self, headers, begin_s=START_S, least=FRAMES):
         """Every frame has an attitude of the slew; when each was sent less when it was drawn, s, from the first on."""
@@ -314,6 +320,53 @@ class PlainLinks(unittest.TestCase):
         self.assertGreater(replay.answered, FRAMES)
         # Recorded long ago: the first message is the beginning of the slew that frames show.
         self.check_steady(headers, begin_s=START_S - 1e7)
+
+    def drive(self, folder, messages, *settings, seconds=20):
+        """A run on the virtual clock that a stand-in of 42 drives: the process, and headers of its frames."""
+        bench = ROOT / "configs/benches/forty_two.toml"
+        with Replay(messages, paced=False) as replay:
+            settings = ["camera=../cameras/small_tracker.toml", f"link.connect={replay.port}", *settings]
+            command = [BINARY, "run", str(bench), "--clock", "virtual", "--duration", str(seconds), "--out", str(Path(folder) / "run")]
+            command += [part for setting in settings for part in ("--set", setting)]
+            ran = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S * 5)
+        self.assertEqual(replay.broken, [], "every answer was Ack and a zero")
+        headers = [fits.getheader(path) for path in sorted((Path(folder) / "run").glob("frame_*.fits"))]
+        return ran, headers, replay
+
+    def test_42_drives_the_virtual_clock_by_its_own_handshake(self):
+        begin_s = 1_742_385_600.0  # 2025-078-12:00:00
+        for form in (as_42, as_42_before_2024):
+            with self.subTest(form.__name__), tempfile.TemporaryDirectory() as folder:
+                messages = [form(begin_s + i / 10) for i in range(1, 400)]
+                ran, headers, replay = self.drive(folder, messages)
+                self.assertEqual(ran.returncode, 0, ran.stderr)
+                self.assertRegex(ran.stdout, r"^ok: 200 of 200 frames, 0 lost; ")
+                self.assertLess(replay.answered, 230, "the run ends by itself")
+                # 42's date is that of the frames, and each attitude is that of its own instant.
+                self.assertTrue(headers[0]["DATE-OBS"].startswith("2025-03-19T12:00:01"), headers[0]["DATE-OBS"])
+                offsets = self.check(headers, begin_s + 1.1, least=200)
+                self.assertLess(max(offsets) - min(offsets), 1e-4)
+
+    def test_42_that_stops_or_sends_other_lines_is_no_ok(self):
+        begin_s = 1_742_385_600.0
+        with tempfile.TemporaryDirectory() as folder:
+            ran, headers, _ = self.drive(folder, [as_42(begin_s + i / 10) for i in range(1, 60)])
+            self.assertNotEqual(ran.returncode, 0)
+            self.assertRegex(ran.stdout, r"^INCOMPLETE: \d+ of 200 frames")
+            self.assertGreater(len(headers), 30, "what was drawn by then is kept")
+        with tempfile.TemporaryDirectory() as folder:
+            other = [as_42(begin_s + i / 10).replace(b"SC[0]", b"SC[1]") for i in range(1, 60)]
+            ran, _, _ = self.drive(folder, other)
+            self.assertNotEqual(ran.returncode, 0)
+            self.assertIn("link.spacecraft_number", ran.stderr)
+        with tempfile.TemporaryDirectory() as folder:
+            # One message of many has no attitude: it is answered, counted, and the run goes on.
+            messages = [as_42(begin_s + i / 10) for i in range(1, 400)]
+            messages[50] = messages[50].replace(b"SC[0].qn", b"SC[0].other")
+            ran, headers, _ = self.drive(folder, messages)
+            self.assertEqual(len(headers), 200)
+            summary = json.loads((Path(folder) / "run/summary.json").read_text())
+            self.assertEqual(summary["event_counts"]["sample_refused"], 1)
 
     def test_big_endian_bytes_on_a_little_endian_bench_are_refused_and_counted(self):
         with tempfile.TemporaryDirectory() as folder, Stimulator(folder) as starloop:
@@ -434,8 +487,8 @@ def exchange(connection, message):
 class Replay:
     """42's side as a server: plays recorded messages, one per step, and waits for each answer."""
 
-    def __init__(self, messages):
-        self.messages, self.broken, self.answered = messages, [], 0
+    def __init__(self, messages, paced=True):
+        self.messages, self.paced, self.broken, self.answered = messages, paced, [], 0
         self.over = threading.Event()
         self.listener = socket.create_server(("127.0.0.1", 0))
         self.listener.settimeout(0.2)
@@ -455,7 +508,7 @@ class Replay:
         begin = time.monotonic()
         with connection:
             for step, message in enumerate(self.messages):
-                if self.over.wait(max(0.0, begin + step / HZ - time.monotonic())):
+                if self.paced and self.over.wait(max(0.0, begin + step / HZ - time.monotonic())):
                     return
                 try:
                     exchange(connection, message)

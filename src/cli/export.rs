@@ -184,7 +184,7 @@ impl ExportSource {
         check_head(&scenario.bench, head)?;
         let StartTime::At(start) = scenario.bench.timing.start else {
             bail!(
-                "{}: timing.start_utc is \"now\"; wanted an instant, or the folder of a recorded run",
+                "{}: timing.start_utc is \"now\" or \"plant\"; wanted an instant, or the folder of a recorded run",
                 source.display()
             )
         };
@@ -257,7 +257,7 @@ impl ExportSource {
         }
         let start = match bench.timing.start {
             StartTime::At(start) => start,
-            StartTime::Now => self.first_exposure - Span::from_ms(1000),
+            StartTime::Now | StartTime::Plant => self.first_exposure - Span::from_ms(1000),
         };
         let params = bench_parts::run_params(bench, start)?;
 

@@ -44,6 +44,7 @@ const BUILT_IN: &[(&str, &str)] = &[
     ("benches/grabber.toml", include_str!("../../configs/benches/grabber.toml")),
     ("benches/serial.toml", include_str!("../../configs/benches/serial.toml")),
     ("benches/socketcan.toml", include_str!("../../configs/benches/socketcan.toml")),
+    ("benches/forty_two.toml", include_str!("../../configs/benches/forty_two.toml")),
     ("benches/udp.toml", include_str!("../../configs/benches/udp.toml")),
     ("links/serial_port.toml", include_str!("../../configs/links/serial_port.toml")),
     ("links/socketcan.toml", include_str!("../../configs/links/socketcan.toml")),

@@ -45,6 +45,8 @@ pub enum StartTime {
     At(Tai),
     /// The clock's own time (not repeatable).
     Now,
+    /// The time of the plant's first message.
+    Plant,
 }
 
 /// Timing of a run, checked.
@@ -86,9 +88,9 @@ section! {
             [("real_clock", Degrade::OnRealClock), ("always", Degrade::Always), ("never", Degrade::Never)];
         /// The last step that is taken: motion-out and bright-stars-only give frames that no sensor would see.
         degrade_to: Word<Degradation> = DEGRADATIONS[0].name(), DEGRADATIONS.map(|degradation| (degradation.name(), degradation));
-        /// When the clock starts, 1 s before the first exposure: RFC 3339, or "now" (the machine's time), which no run
-        /// repeats.
-        start_utc: String = "2026-03-01T00:00:00Z", "time or \"now\"";
+        /// When the clock starts, 1 s before the first exposure: RFC 3339, "now" (the machine's time), which no run
+        /// repeats, or "plant" (the first message of 42, on the virtual clock).
+        start_utc: String = "2026-03-01T00:00:00Z", "time, \"now\" or \"plant\"";
         /// Milliseconds after the run's first exposure at which this head begins its own.
         phase_ms: f64 = Silent(0.0), Within(0.0, PHASE_MAX_MS);
     }
@@ -145,7 +147,14 @@ fn start(keys: &TimingKeys, check: &mut Checker<'_>) -> Result<StartTime> {
     if text.trim() == "now" {
         return Ok(StartTime::Now);
     }
+    if text.trim() == "plant" {
+        return Ok(StartTime::Plant);
+    }
     Tai::from_rfc3339(&text).map(StartTime::At).map_err(|error| {
-        keys.start_utc().advised(error.to_string()).invalid(format!("\"{text}\""), "RFC 3339 or \"now\"", check)
+        keys.start_utc().advised(error.to_string()).invalid(
+            format!("\"{text}\""),
+            "RFC 3339, \"now\" or \"plant\"",
+            check,
+        )
     })
 }

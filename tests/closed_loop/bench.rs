@@ -75,7 +75,7 @@ pub(crate) fn over(wire: WireFormat, seconds: f64) -> Bench {
 pub(crate) fn start(bench: &Bench) -> Tai {
     match bench.timing.start {
         StartTime::At(at) => at,
-        StartTime::Now => panic!("the built-in bench starts at a fixed time"),
+        StartTime::Now | StartTime::Plant => panic!("the built-in bench starts at a fixed time"),
     }
 }
 

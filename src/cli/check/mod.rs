@@ -161,7 +161,7 @@ struct Prepared {
 fn run_params_of(bench: &Bench) -> Result<Prepared> {
     let start = match bench.timing.start {
         StartTime::At(at) => at,
-        StartTime::Now => Tai::from_rfc3339("2026-01-01T00:00:00Z")?,
+        StartTime::Now | StartTime::Plant => Tai::from_rfc3339("2026-01-01T00:00:00Z")?,
     };
     let mut params = bench_parts::run_params(bench, start)?;
     let calibration = take_display(&mut params, bench, Monotonic::start().now())?;

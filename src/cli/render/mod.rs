@@ -207,7 +207,9 @@ impl RenderArgs {
         match (self.time, &self.bench, &bench.timing.start) {
             (Some(time), _, _) => Ok(time),
             (None, Some(_), StartTime::At(start)) => Ok(*start),
-            (None, Some(_), StartTime::Now) => bail!("--time: the bench starts now; give the instant of the image"),
+            (None, Some(_), StartTime::Now | StartTime::Plant) => {
+                bail!("--time: the bench starts now, or with its plant; give the instant of the image")
+            }
             (None, None, _) => Tai::from_rfc3339(DEFAULT_TIME).map_err(anyhow::Error::msg),
         }
     }

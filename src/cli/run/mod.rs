@@ -21,12 +21,13 @@ use anyhow::{Context, Result, bail};
 use base::clock::{Clock, Monotonic, Stopwatch};
 use base::time::Tai;
 use batch::campaign::{check_time_for_faults, episode_scenario};
-use config::{Bench, Carrier, Document, Link, Scenario, Setting};
-use core::sync::atomic::Ordering;
+use config::{Bench, Carrier, Document, Link, Scenario, Setting, StartTime};
+use core::sync::atomic::{AtomicBool, Ordering};
 use frames::report::{HygieneLine, RunSummary};
 use link::{WireFormat, capture::CaptureFormat};
 use run::runtime::{Hygiene, HygieneParams, Imager};
 use run::wiring::assemble::{Outputs, Run, RunOptions};
+use run::wiring::forty_two::{self, Driven, FortyTwo};
 use run::wiring::memory::{RunForm, RunMemory};
 use run::wiring::taps::{CaptureOptions, LiveOptions};
 use run::{wiring::sinks::run_directory, wiring::verdict::CutShort};
@@ -77,7 +78,8 @@ fn write_budget(directory: &Path, finished: &mut Finished) {
 pub(crate) fn perform(arguments: &RunArgs) -> Result<Finished> {
     // First: from here on a signal ends the run in order, however much of it is made.
     let stop = signals::stop();
-    let RunInput { document, scenario } = input(arguments)?;
+    let RunInput { document, mut scenario } = input(arguments)?;
+    let is_driven = is_driven(&scenario.bench, arguments)?;
     // An address that cannot be listened on is reported before anything is made.
     let listener = arguments.control.map(listen).transpose()?;
     let say = !arguments.quiet;
@@ -88,6 +90,7 @@ pub(crate) fn perform(arguments: &RunArgs) -> Result<Finished> {
     let sinks = arguments.sinks(&scenario.bench);
     // Before any folder is made: a run that does not fit leaves nothing behind.
     RunMemory::of(&scenario.bench, &sinks, RunForm { is_real, has_view: arguments.monitor.is_some() }).check()?;
+    let plant = if is_driven { Some(meet_plant(&mut scenario, &stop)?) } else { None };
     let was_there = arguments.out.as_deref().is_some_and(Path::exists);
     let directory = directory(&scenario, arguments)?;
     let own_folder = directory.clone().filter(|_| !was_there);
@@ -111,7 +114,7 @@ pub(crate) fn perform(arguments: &RunArgs) -> Result<Finished> {
         capture,
         live,
         steering: steering.clone(),
-        is_controlled: listener.is_some(),
+        is_controlled: listener.is_some() || plant.is_some(),
     };
     let mut run = Run::assemble(&scenario, options).inspect_err(|_| leave_nothing(own_folder.as_deref()))?;
     if say {
@@ -123,8 +126,19 @@ pub(crate) fn perform(arguments: &RunArgs) -> Result<Finished> {
     let mut wall = Stopwatch::start();
     let monitor = Monitor::start(say)?;
     let mut progress = sender(monitor.updates.clone(), run.numbers(), run.frames());
+    let mut is_plant_gone = false;
     let Controlled { mut end, client } = match (listener, steering) {
-        (None, _) => Controlled { end: run.fly(&stop, &mut progress)?, client: None },
+        (None, _) => {
+            let end = match plant {
+                Some(plant) => {
+                    let Driven { end, is_gone } = plant.drive(run, &stop, &mut progress)?;
+                    is_plant_gone = is_gone;
+                    end
+                }
+                None => run.fly(&stop, &mut progress)?,
+            };
+            Controlled { end, client: None }
+        }
         (Some(listener), None) => control_stepped(listener, run, directory.as_deref(), &stop, &mut progress)?,
         (Some(listener), Some(steering)) => control_steered(listener, run, steering, &stop, &mut progress)?,
     };
@@ -136,7 +150,7 @@ pub(crate) fn perform(arguments: &RunArgs) -> Result<Finished> {
     }
     let asked_to_finish = client.as_ref().is_some_and(|client| client.asked_to_finish());
     let was_interrupted = stop.load(Ordering::SeqCst) && !asked_to_finish && !end.was_over;
-    let is_gone = client.as_ref().is_some_and(Client::is_gone) && !is_real;
+    let is_gone = is_plant_gone || client.as_ref().is_some_and(Client::is_gone) && !is_real;
     // A run that its client let come to its end has no frames still to come.
     let was_finished = asked_to_finish && end.simulated_s < (end.times.end - end.times.zero).s();
     end.cut_short = match (was_finished, was_interrupted, is_gone) {
@@ -154,6 +168,39 @@ pub(crate) fn perform(arguments: &RunArgs) -> Result<Finished> {
         provenance::keep(directory, (&document, &arguments.settings), &scenario, &mut end.losses);
     }
     Ok(Finished { scenario, end, client, wall_s, was_interrupted, directory })
+}
+
+/// Returns whether 42 drives the clock of the run.
+fn is_driven(bench: &Bench, arguments: &RunArgs) -> Result<bool> {
+    let is_driven = arguments.clock == ClockKind::Virtual && forty_two::is_driven_by(bench);
+    if bench.timing.start == StartTime::Plant && !is_driven {
+        bail!(
+            "timing.start_utc: got \"plant\", wanted a time or \"now\": only 42 (link.encoding = \"42\", time = \"tag\") with \
+             --clock virtual gives a run its start"
+        );
+    }
+    if is_driven && arguments.control.is_some() {
+        bail!("--control: got a bench whose clock 42 drives; wanted one of the two");
+    }
+    Ok(is_driven)
+}
+
+/// Waits for 42 and its first message, and says which sky it has if the bench has that of another day.
+fn meet_plant(scenario: &mut Scenario, stop: &AtomicBool) -> Result<FortyTwo> {
+    let start = scenario.bench.timing.start;
+    let plant = forty_two::meet(scenario, stop)?.context("stopped before 42 sent a message")?;
+    if let StartTime::At(at) = start {
+        let apart = plant.start() - at;
+        if apart.s().abs() > 1.0 {
+            eprintln!(
+                "starloop: 42 is at {}, the bench at {}: Sun, planets and orbits are those of the bench; start_utc = \"plant\" \
+                 takes 42's",
+                plant.start().to_rfc3339(),
+                at.to_rfc3339()
+            );
+        }
+    }
+    Ok(plant)
 }
 
 fn say_left_out(scenario: &Scenario) {

@@ -237,7 +237,7 @@ impl BrightBodies {
     /// When the run has no start, or no observer can be made for it.
     pub(crate) fn of_run(scenario: &Scenario, each_s: f64) -> Result<Self> {
         let StartTime::At(start) = scenario.bench.timing.start else {
-            anyhow::bail!("timing.start_utc: got \"now\", wanted a time");
+            anyhow::bail!("timing.start_utc: got \"now\" or \"plant\", wanted a time");
         };
         let params = run_params(&scenario.bench, start)?;
         Ok(Self::of(params.observer, params.first_exposure, each_s))

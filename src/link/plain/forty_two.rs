@@ -16,11 +16,11 @@ use base::{axes::WRITTEN_NORM_TOLERANCE, units::METRE_KM};
 /// The last line of a message, and that of a message before 2024.
 const ENDS_OF_MESSAGE: [&[u8]; 2] = [b"[ENDMSG]", b"[EOF]"];
 /// Answer of the receiver to a message.
-pub(crate) const ACKNOWLEDGE: &[u8; 4] = b"Ack\0";
+pub const ACKNOWLEDGE: &[u8; 4] = b"Ack\0";
 const NS_PER_S: f64 = 1e9;
 
 /// Returns whether a line is the last one of a message.
-pub(crate) fn is_end_of_message(line: &[u8]) -> bool {
+pub fn is_end_of_message(line: &[u8]) -> bool {
     ENDS_OF_MESSAGE.contains(&line.trim_ascii())
 }
 

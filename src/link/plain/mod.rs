@@ -18,7 +18,7 @@ mod forty_two;
 mod layout;
 mod reject;
 
-pub(crate) use forty_two::{ACKNOWLEDGE, is_end_of_message};
+pub use forty_two::{ACKNOWLEDGE, is_end_of_message};
 pub use layout::{Encoding, FIELD_NAMES, Field, LayoutError, PlainLayout, QuaternionSense, TimeMeaning};
 pub use reject::{PlainReject, PlainRejectCounters, RefusedMessage};
 

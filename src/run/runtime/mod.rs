@@ -57,6 +57,7 @@ pub use outside_tracker::{OutsideTracker, TrackerOutput};
 pub use params::RunParams;
 pub use plant_queue::{PlantAttitude, PlantSample};
 pub use port_reading::PortReading;
+pub use receiver::plain_sample;
 pub use record::{RunOutcome, RunRecord, lines_of_head, note_lost_reader};
 pub use session::Session;
 pub use slot::{Slot, Started};

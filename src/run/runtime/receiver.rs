@@ -223,16 +223,9 @@ impl Receiver {
             ledger.note(Event::new(EventKind::NoTimeYet, arrived, None, Span::ZERO));
             return;
         };
-        let attitude = record.attitude.as_ref().map(plant_attitude);
-        if attitude == Some(None) {
+        let Some(sample) = plain_sample(record, at) else {
             ledger.note(Event::new(EventKind::SampleRefused, arrived, None, arrived - at));
             return;
-        }
-        let sample = PlantSample {
-            attitude: attitude.flatten(),
-            jitter_rad: record.jitter_rad.map(DVec3::from_array),
-            observer: record.observer.as_ref().map(observer_state),
-            ..PlantSample::at(at)
         };
         self.take_plant(&sample, arrived, ledger);
     }
@@ -249,6 +242,14 @@ impl Receiver {
             }
         }
     }
+}
+
+/// Returns a record as the sample of an instant; `None` for an invalid quaternion.
+pub fn plain_sample(record: &PlainRecord, at: Tai) -> Option<PlantSample> {
+    let attitude = record.attitude.as_ref().map(plant_attitude);
+    let jitter_rad = record.jitter_rad.map(DVec3::from_array);
+    let observer = record.observer.as_ref().map(observer_state);
+    (attitude != Some(None)).then(|| PlantSample { attitude: attitude.flatten(), jitter_rad, observer, at })
 }
 
 /// Returns `None` for an invalid quaternion, which the codec has already refused.

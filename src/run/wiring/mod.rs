@@ -14,6 +14,7 @@ pub mod error;
 mod far_side;
 pub mod fault_schedule;
 pub mod faults;
+pub mod forty_two;
 pub mod heads;
 mod landing;
 pub mod memory;

@@ -69,8 +69,8 @@ const NOTED_LAG: Span = Span::from_ms(1);
 pub(super) fn planned_start(start: StartTime, clock: RunClockKind) -> Tai {
     match (start, clock) {
         (StartTime::At(at), _) => at,
-        (StartTime::Now, RunClockKind::Virtual) => Monotonic::start().now(),
-        (StartTime::Now, RunClockKind::Real) => Monotonic::start().now() + SET_UP,
+        (StartTime::Now | StartTime::Plant, RunClockKind::Virtual) => Monotonic::start().now(),
+        (StartTime::Now | StartTime::Plant, RunClockKind::Real) => Monotonic::start().now() + SET_UP,
     }
 }
 
@@ -83,7 +83,7 @@ pub(super) fn start_clock(clock: &Monotonic, start: StartTime, planned: Tai) -> 
     }
     let late = match start {
         StartTime::Now => machine.now() - planned,
-        StartTime::At(_) => Span::ZERO,
+        StartTime::At(_) | StartTime::Plant => Span::ZERO,
     };
     let lag = if late > NOTED_LAG { late } else { Span::ZERO };
     clock.restart_at(if lag > Span::ZERO { planned } else { planned + late });

@@ -6,6 +6,7 @@
 //! `tests/closed_loop/pixels.rs`, `campaign.rs`, `control.rs`.
 
 use crate::runtime::exposing::Exposing;
+use crate::runtime::ledger::{Event as LedgerEvent, EventKind};
 use crate::runtime::virtual_time::{VirtualLoop, World, last_release};
 use crate::runtime::{Head, Ledger, PlantSample, PortReading, RunError, RunRecord, TrackerOutput};
 use crate::wiring::assemble::{Outputs, Run, RunOptions};
@@ -15,7 +16,7 @@ use crate::wiring::run_clock::{RunClock, RunTimes};
 use crate::wiring::run_end::{Flown, LoopView, RunEnd};
 use crate::wiring::verdict::{CutShort, Facts, Promise, limits, verdict};
 use crate::wiring::{far_side::FarSide, landing::Landing, tracker_outs::outside_trackers};
-use base::time::Tai;
+use base::time::{Span, Tai};
 use config::{Event, Plant, Scenario};
 use core::cell::RefCell;
 use frames::report::{FrameEnd, Losses};
@@ -108,6 +109,12 @@ impl SteppedRun {
             let now_s = (self.going.now() - zero).s();
             refuse(format!("sample {place} of {} (t_s {t_s}, it is {now_s} s now): {why}", samples.len()))
         })
+    }
+
+    /// Counts a message of an external plant that was refused before it was a sample.
+    pub(super) fn note_refused_sample(&mut self) {
+        let now = self.now();
+        self.going.record.ledger.note(LedgerEvent::new(EventKind::SampleRefused, now, None, Span::ZERO));
     }
 
     /// Returns the number of samples of an external plant that wait for their instants, and the instant of the last

@@ -144,7 +144,7 @@ impl Study {
         let still = at_rest(scenario, 1.0, 1.0, &Injection::NONE);
         let at = match still.bench.timing.start {
             StartTime::At(at) => at,
-            StartTime::Now => base::time::Tai::from_ns(0),
+            StartTime::Now | StartTime::Plant => base::time::Tai::from_ns(0),
         };
         let vehicle = vehicle_params(
             &still,

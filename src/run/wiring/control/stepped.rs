@@ -3,7 +3,6 @@
 use super::answers::{Answer, Controlled, Instants, Refusal, attitude, solved};
 use super::{newest::NewestFrames, protocol::StepBy, samples::SampleList};
 use crate::runtime::exposing::Exposing;
-use crate::runtime::ledger::{Event as LedgerEvent, EventKind};
 use crate::runtime::{Ledger, RunRecord, TrackerOutput};
 use crate::wiring::{
     assessment::mode_name, error::Result, far_side::FarSide, run_clock::RunTimes, run_end::LoopView,
@@ -98,8 +97,7 @@ impl Controlled for Stage<'_> {
     }
 
     fn note_bad_samples(&mut self) -> Answer<()> {
-        let event = LedgerEvent::new(EventKind::SampleRefused, self.going.now(), None, Span::ZERO);
-        self.going.going.record.ledger.note(event);
+        self.going.note_refused_sample();
         Ok(())
     }
 
