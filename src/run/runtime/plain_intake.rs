@@ -4,7 +4,7 @@
 //! may play another day) is also a time mark, so the offset and drift of that clock are estimated like those of a
 //! flight computer on the bus, and its steps and restarts are the same events. Without a time, values are valid when
 //! they arrive. Values that are too old, too new or repeated are refused by the histories: an attitude is never drawn
-//! at another instant than its own. Tests: `plain_intake_tests`, `hil_scripts/test_plain_links.py`.
+//! at another instant than its own. Tests: `plain_intake_tests`, `hil_scripts/tests/test_plain_links.py`.
 
 use super::{PORTS_MAX, Receiver};
 use crate::runtime::ledger::{Event, EventKind, Ledger};
