@@ -4,10 +4,19 @@ STARLOOP_BINARY names the program (default target/release/starloop). The small b
 Orion with a small tracker at 10 Hz; sinks are added behind it.
 """
 
+import csv
+import json
 import math
 import os
+import re
+import signal
+import socket
+import subprocess
 import sys
+import tempfile
+import threading
 import time
+import unittest
 from pathlib import Path
 
 sys.dont_write_bytecode = True
@@ -42,11 +51,122 @@ def bench_text(name, camera=CAMERA):
     return BENCH.format(name=name, camera=camera)
 
 
-def until(what, is_so, patience_s=PATIENCE_S):
-    """Asks until the answer is true; returns the answer."""
+# --- folders and tables -----------------------------------------------------------------------------------------------
+
+
+def folder_for(case):
+    """Returns an empty folder that goes with a test, or with a class of tests."""
+    kept = tempfile.TemporaryDirectory(prefix="starloop_")
+    (case.addClassCleanup if isinstance(case, type) else case.addCleanup)(kept.cleanup)
+    return Path(kept.name)
+
+
+class InAFolder(unittest.TestCase):
+    """Each test has an empty folder, and the name of one in it for a run."""
+
+    def setUp(self):
+        self.folder = folder_for(self)
+        self.out = self.folder / "run"
+
+    def written(self, name, text):
+        """Writes a file in the folder; returns its path as text."""
+        (self.folder / name).write_text(text)
+        return str(self.folder / name)
+
+
+def rows_of(path):
+    """Returns the rows of a table without its comments; of a folder, those of its frames."""
+    path = Path(path, "frames.csv") if Path(path).is_dir() else Path(path)
+    return list(csv.DictReader(line for line in path.read_text().splitlines() if not line.startswith("#")))
+
+
+def summary_of(folder):
+    """Returns the report that a run leaves in its folder."""
+    return json.loads(Path(folder, "summary.json").read_text())
+
+
+def product(a, b):
+    """Returns the Hamilton product of two quaternions w, x, y, z."""
+    (aw, ax, ay, az), (bw, bx, by, bz) = a, b
+    return (aw * bw - ax * bx - ay * by - az * bz, aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx, aw * bz + ax * by - ay * bx + az * bw)  # fmt: skip
+
+
+# --- the program ------------------------------------------------------------------------------------------------------
+
+
+def starloop(*words, status=None, **options):
+    """Runs the program to its end. Where statuses are given, one or more, another is an error with what was said."""
+    options = {"capture_output": True, "text": True, "timeout": 600.0, **options}
+    done = subprocess.run([BINARY, *map(str, words)], **options)
+    if status is not None and done.returncode not in (status if isinstance(status, tuple) else (status,)):
+        raise AssertionError(f"{words}: status {done.returncode}\n{done.stdout}{done.stderr}")
+    return done
+
+
+class Running:
+    """A program from its start to the end of a `with` block; `said` has the lines of its standard error so far."""
+
+    def __init__(self, *command, **options):
+        streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+        self.process = subprocess.Popen([str(word) for word in command], **{**streams, **options})
+        self.said, self.printed = [], []
+        # Read on, so that the program never waits for a reader.
+        pairs = ((self.process.stdout, self.printed), (self.process.stderr, self.said))
+        self.readers = [threading.Thread(target=kept.extend, args=(stream,), daemon=True) for stream, kept in pairs if stream]
+        for reader in self.readers:
+            reader.start()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        if self.process.poll() is None:
+            self.process.kill()
+        self.ended()
+
+    def wait_for(self, pattern):
+        """Waits for a line of standard error with this pattern, and returns the match."""
+
+        def found():
+            is_over = not any(reader.is_alive() for reader in self.readers)
+            match = next((match for line in list(self.said) if (match := re.search(pattern, line))), None)
+            assert match or not is_over, f"ended without saying {pattern!r}: {''.join(self.said)}"
+            return match
+
+        try:
+            return until(lambda: f"{pattern!r} in {''.join(self.said)}", found)
+        except AssertionError:
+            self.process.kill()
+            raise
+
+    def ended(self, patience_s=PATIENCE_S):
+        """Waits for the end; returns standard output."""
+        self.process.wait(timeout=patience_s)
+        for reader in self.readers:
+            reader.join()
+        for stream in filter(None, (self.process.stdout, self.process.stderr)):
+            stream.close()
+        return "".join(self.printed)
+
+    def stop(self, number=signal.SIGINT):
+        """Ends the program by a signal, as Ctrl-C does; returns its standard output."""
+        self.process.send_signal(number)
+        return self.ended()
+
+
+def free_port(kind=socket.SOCK_STREAM):
+    """Returns a port that was free."""
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def until(what, is_so, patience_s=PATIENCE_S, every_s=0.01):
+    """Asks until the answer is true; returns the answer. `what` is the text of a failure, or makes it."""
     end = time.monotonic() + patience_s
     while not (answer := is_so()):
         if time.monotonic() > end:
-            raise AssertionError(f"not within {patience_s} s: {what}")
-        time.sleep(0.01)
+            raise AssertionError(f"not within {patience_s} s: {what() if callable(what) else what}")
+        time.sleep(every_s)
     return answer

@@ -10,17 +10,14 @@ import re
 import signal
 import socket
 import struct
-import subprocess
-import tempfile
 import threading
 import time
 import unittest
-from pathlib import Path
 
-from support import BINARY, ROOT
+from support import BINARY, CAMERA, ROOT, InAFolder, Running, free_port, starloop
 from starloop.client import Starloop
 
-CAMERA = (ROOT / "configs/cameras/small_tracker.toml").read_text()
+CAMERA_TEXT = CAMERA.read_text()
 DURATION_S = 6.0
 DEGREES = 180.0 / math.pi
 RATE_RAD_S = 0.01
@@ -95,12 +92,6 @@ def orbit(scale):
     return "\n".join(rows) + "\n"
 
 
-def free_port(kind):
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM if kind == "udp" else socket.SOCK_STREAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
-
-
 def record(age_s, rate_factor=1.0):
     """One attitude of a slow turn about x, with its rate."""
     half = 0.5 * RATE_RAD_S * age_s
@@ -125,17 +116,10 @@ class Sender(threading.Thread):
                     return
 
 
-class BrokenBenches(unittest.TestCase):
+class BrokenBenches(InAFolder):
     def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.folder = Path(folder.name)
-        (self.folder / "camera.toml").write_text(CAMERA)
-
-    def bench(self, text):
-        path = self.folder / "bench.toml"
-        path.write_text(text)
-        return path
+        super().setUp()
+        self.written("camera.toml", CAMERA_TEXT)
 
     def judge(self, first_line, status, *words):
         """A broken bench: its first line names the cause."""
@@ -154,35 +138,26 @@ class BrokenBenches(unittest.TestCase):
 
     def flown(self, text, *options):
         """First line and status on the virtual clock."""
-        command = [BINARY, "run", str(self.bench(text)), "--clock", "virtual", *options]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
+        done = starloop("run", self.written("bench.toml", text), "--clock", "virtual", *options, timeout=PATIENCE_S)
         errors = [line for line in done.stderr.splitlines() if line.startswith("starloop: ") or done.returncode == 0]
         return (done.stdout.splitlines() or errors or [done.stderr])[0], done.returncode
 
     def outside(self, kind="udp", act=lambda program, port: None, send=True, **sender):
         """First line and status of a bench on the real clock, to which somebody sends."""
-        port = free_port(kind)
-        path = self.bench(OUTSIDE.format(kind=kind, port=port, duration=DURATION_S))
-        program = subprocess.Popen([BINARY, "run", str(path)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        self.addCleanup(program.kill)
-        said = []
-        for line in program.stderr:
-            said.append(line)
-            if line.startswith(f"link: {kind} at"):
-                break
-        drain = threading.Thread(target=lambda: said.extend(program.stderr), daemon=True)
-        drain.start()
-        connection = socket.socket(socket.AF_INET, socket.SOCK_DGRAM if kind == "udp" else socket.SOCK_STREAM)
-        connection.connect(("127.0.0.1", port))
-        thread = Sender(connection.sendall, **sender) if send else None
-        if thread:
-            thread.start()
-        act(program, connection)
-        text, _ = program.communicate(timeout=PATIENCE_S)
-        if thread:
-            thread.over.set()
-        connection.close()
-        return (text.splitlines() or said)[0], program.returncode
+        socket_kind = socket.SOCK_DGRAM if kind == "udp" else socket.SOCK_STREAM
+        port = free_port(socket_kind)
+        path = self.written("bench.toml", OUTSIDE.format(kind=kind, port=port, duration=DURATION_S))
+        with Running(BINARY, "run", path) as program, socket.socket(socket.AF_INET, socket_kind) as connection:
+            program.wait_for(f"^link: {kind} at")
+            connection.connect(("127.0.0.1", port))
+            thread = Sender(connection.sendall, **sender) if send else None
+            if thread:
+                thread.start()
+            act(program.process, connection)
+            text = program.ended(PATIENCE_S)
+            if thread:
+                thread.over.set()
+        return (text.splitlines() or program.said)[0], program.process.returncode
 
     def test_whole_benches_are_ok(self):
         self.is_ok(*self.flown(BENCH.format(duration=DURATION_S)))
@@ -217,7 +192,7 @@ class BrokenBenches(unittest.TestCase):
     def test_wrong_units(self):
         for key, (value, unit) in UNITS.items():
             with self.subTest(key=key):
-                broken, count = re.subn(rf"(?m)^({key}\s*=).*$", rf"\1 {value}", CAMERA)
+                broken, count = re.subn(rf"(?m)^({key}\s*=).*$", rf"\1 {value}", CAMERA_TEXT)
                 self.assertEqual(count, 1, f"the camera has no {key}")
                 (self.folder / "camera.toml").write_text(broken)
                 self.judge(*self.flown(BENCH.format(duration=2.0)), key)

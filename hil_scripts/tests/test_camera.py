@@ -5,14 +5,11 @@ program (default target/release/starloop).
 """
 
 import math
-import subprocess
-import tempfile
 import unittest
-from pathlib import Path
 
 import numpy
 
-from support import ARCSEC, BINARY, ROOT
+from support import ARCSEC, BINARY, ROOT, InAFolder, starloop
 from starloop.client import Starloop, StarloopError, attitude_sample
 
 OUTSIDE = ROOT / "configs/benches/lockstep.toml"
@@ -247,14 +244,13 @@ class Truth(unittest.TestCase):
         self.assertGreater(largest_late, 0.002, "control: exposures whose middle is 1 ms later")
 
 
-class Replays(unittest.TestCase):
+class Replays(InAFolder):
     def setUp(self):
-        self.folder = tempfile.TemporaryDirectory()
-        self.addCleanup(self.folder.cleanup)
-        self.capture = Path(self.folder.name) / "capture"
+        super().setUp()
+        self.capture = self.folder / "capture"
 
     def replay(self):
-        done = subprocess.run([BINARY, "replay", str(self.capture)], capture_output=True, text=True, timeout=300)
+        done = starloop("replay", self.capture)
         return done.returncode, done.stdout + done.stderr
 
     def flown(self, *arguments):
@@ -286,7 +282,7 @@ class Replays(unittest.TestCase):
 
     def test_lockstep_runs_replay_bit_by_bit_with_the_samples_that_were_sent(self):
         for form in ("pcapng", "candump"):
-            self.capture = Path(self.folder.name) / form
+            self.capture = self.folder / form
             arguments = ["--capture", str(self.capture), "--capture-format", form, "--sink", "null"]
             with outside(2.0, 0.01, arguments) as loop:
                 loop.jitter([0.0005 * k, 20.0 * math.sin(k), 0.0, 0.0] for k in range(4000))

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy
 from astropy.io import fits
 
-from test_flight import Relay, Stimulator, fly
+from test_flight import Gateways, Relay, Stimulator, fly
 
 #: An even light beside which stars do not matter, and nothing that differs from pixel to pixel.
 LIGHT_E_PER_S = 200000.0
@@ -83,10 +83,8 @@ class Commands(unittest.TestCase):
     def test_over_slcan(self):
         with tempfile.TemporaryDirectory() as folder:
             out = Path(folder) / "run"
-            with Stimulator("gateways.toml", "link.slcan_tcp=0", "link.socketcand=0", *SETTINGS, out=out) as starloop:
-                starloop.wait_for("socketcand at")
-                channel = f"socket://{starloop.gateways['slcan (TCP)']}"
-                status, said = fly("--interface", "slcan", "--channel", channel, "--fd", *self.arguments())
+            with Gateways(*SETTINGS, out=out) as starloop:
+                status, said = fly(*starloop.slcan, *self.arguments())
                 starloop.stop()
             self.check(status, said, out)
 
@@ -104,10 +102,8 @@ class Commands(unittest.TestCase):
             relay.close()
 
     def test_unsupported_settings_are_refused_with_a_reason(self):
-        with Stimulator("gateways.toml", "link.slcan_tcp=0", "link.socketcand=0", *SETTINGS) as starloop:
-            starloop.wait_for("socketcand at")
-            channel = f"socket://{starloop.gateways['slcan (TCP)']}"
-            status, said = fly("--interface", "slcan", "--channel", channel, "--fd", "--camera", "exposure=4000000000")
+        with Gateways(*SETTINGS) as starloop:
+            status, said = fly(*starloop.slcan, "--camera", "exposure=4000000000")
             self.assertEqual(status, 1, said)
             reason = "CameraRange (code 12): the value is outside the range of the camera"
             self.assertIn(f"flight_computer: camera: CAMERA was refused: {reason}\n", said)

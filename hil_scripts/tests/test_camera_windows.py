@@ -6,7 +6,6 @@ target/release/starloop).
 """
 
 import math
-import socket
 import sys
 import time
 import unittest
@@ -14,7 +13,7 @@ import unittest
 import numpy
 
 from support import BINARY, ROOT
-from starloop.client import Program, Starloop, StarloopError, toml_value
+from starloop.client import Starloop, StarloopError
 from test_camera import INSIDE, outside
 
 CAMERAS = ROOT / "configs/cameras"
@@ -207,7 +206,6 @@ class Rate(unittest.TestCase):
     def run_at_rate(self, windows, rate_hz, seconds):
         """Returns the report of a run at a commanded rate, and the number of windows of its frames. At 50 ms a readout, whole
         frames come at up to 20 Hz; four rows of windows are read out in 6.25 ms."""
-        command = [BINARY, "run", str(INSIDE), "--clock", "real", "--quiet", "--sink", "null", "--control", "127.0.0.1:0"]
         settings = {
             "timing.duration_s": seconds,
             "timing.frame_rate_hz": WHOLE_HZ,
@@ -218,11 +216,7 @@ class Rate(unittest.TestCase):
             "flight_computer.slew.duration_s": seconds + 30.0,
             "render.backend": "cpu",
         }
-        for key, value in settings.items():
-            command += ["--set", f"{key}={toml_value(value)}"]
-        program = Program(command, 60.0)
-        connection = socket.create_connection(program.address, timeout=60.0)
-        with Starloop(connection, program, token=program.token) as loop:
+        with Starloop.start(BINARY, INSIDE, clock="real", settings=settings, arguments=["--sink", "null"]) as loop:
             if windows:
                 loop.camera(regions=windows, frame_rate_hz=rate_hz)
             sizes, number = [], -1

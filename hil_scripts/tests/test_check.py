@@ -5,13 +5,13 @@ shipped is sound, apart from what the list below says of it. STARLOOP_BINARY nam
 target/release/starloop).
 """
 
+import contextlib
 import json
-import subprocess
 import tempfile
 import unittest
 from pathlib import Path
 
-from support import BINARY, ROOT
+from support import ROOT, starloop
 
 EXIT_NOT_MET = 4
 
@@ -46,16 +46,19 @@ def camera(**changed):
     )
 
 
-def starloop(*words, folder=ROOT):
-    return subprocess.run([BINARY, *words], capture_output=True, text=True, timeout=120, cwd=folder)
+@contextlib.contextmanager
+def folder_of(files):
+    """A folder with these files."""
+    with tempfile.TemporaryDirectory() as folder:
+        for name, text in files.items():
+            (Path(folder) / name).write_text(text)
+        yield folder
 
 
 def checked(files, *words):
     """Returns the report on bench.toml beside other files."""
-    with tempfile.TemporaryDirectory() as folder:
-        for name, text in files.items():
-            (Path(folder) / name).write_text(text)
-        return starloop("check", "bench.toml", "--built-in-costs", *words, folder=folder)
+    with folder_of(files) as folder:
+        return starloop("check", "bench.toml", "--built-in-costs", *words, cwd=folder)
 
 
 def with_camera(bench="", **changed):
@@ -126,15 +129,13 @@ class Verdict(unittest.TestCase):
             self.assertIn(f"{key} is {value}", done.stderr)
 
     def test_a_run_repeats_the_warnings_in_one_line(self):
-        with tempfile.TemporaryDirectory() as folder:
-            for name, text in with_camera(limiting_mag=5.0, aperture_mm=40.0).items():
-                (Path(folder) / name).write_text(text)
+        with folder_of(with_camera(limiting_mag=5.0, aperture_mm=40.0)) as folder:
             words = ("run", "bench.toml", "--clock", "virtual", "--duration", "0.5", "--sink", "null")
-            lines = [line for line in starloop(*words, folder=folder).stderr.splitlines() if "WARNING" in line]
+            lines = [line for line in starloop(*words, cwd=folder).stderr.splitlines() if "WARNING" in line]
             self.assertEqual(len(lines), 1, lines)
             for part in ('WARNING: bench "bench": ', "limiting_mag is 5.00", "focal length / aperture is 0.4"):
                 self.assertIn(part, lines[0])
-            quiet = starloop(*words, "--quiet", folder=folder)
+            quiet = starloop(*words, "--quiet", cwd=folder)
             self.assertNotIn("WARNING", quiet.stderr)
 
 
@@ -146,8 +147,7 @@ class Shipped(unittest.TestCase):
             if file.stem in NOT_CHECKED:
                 continue
             with self.subTest(file.stem):
-                done = starloop("check", str(file), "--built-in-costs", "--json")
-                self.assertEqual(done.returncode, 0, done.stderr)
+                done = starloop("check", file, "--built-in-costs", "--json", cwd=ROOT, status=0)
                 warnings = json.loads(done.stdout)["warnings"]
                 known = SHIPPED_WARNINGS.get(file.stem, [])
                 unknown = [words for words in warnings if not any(part in words for part in known)]
@@ -158,19 +158,17 @@ class Shipped(unittest.TestCase):
 
 class Magnitude(unittest.TestCase):
     def test_auto_is_stated_and_bounded(self):
-        with tempfile.TemporaryDirectory() as folder:
-            for name, text in with_camera().items():
-                (Path(folder) / name).write_text(text)
-            seen = starloop("check", "bench.toml", "--json", folder=folder)
+        with folder_of(with_camera()) as folder:
+            seen = starloop("check", "bench.toml", "--json", cwd=folder)
             drawn = json.loads(seen.stdout)["camera"]["limiting_mag_g"]
-            snr = json.loads(starloop("snr", "cam.toml", "--json", folder=folder).stdout)
+            snr = json.loads(starloop("snr", "cam.toml", "--json", cwd=folder).stdout)
             limit = next(row["mag_g"] for row in snr["limits"] if row["snr"] == 3.0)
             self.assertAlmostEqual(snr["drawn_to_mag_g"], drawn, places=9)
             self.assertTrue(limit + 0.5 <= drawn <= limit + 0.6, f"{limit} {drawn}")
             words = ("render", "--camera", "cam.toml", "--ra", "83.8", "--dec", "-1.2", "--out", "a.fits")
-            self.assertIn(f"drawn down to G = {drawn}", starloop(*words, folder=folder).stderr)
+            self.assertIn(f"drawn down to G = {drawn}", starloop(*words, cwd=folder).stderr)
             (Path(folder) / "cam.toml").write_text(camera(exposure_s=0.09, aperture_mm=30.0))
-            seen = starloop("check", "bench.toml", "--json", folder=folder)
+            seen = starloop("check", "bench.toml", "--json", cwd=folder)
             self.assertEqual(json.loads(seen.stdout)["camera"]["limiting_mag_g"], 8.5, "the end of the catalog")
 
 

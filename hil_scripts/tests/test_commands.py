@@ -10,11 +10,9 @@ import pty
 import re
 import shutil
 import subprocess
-import tempfile
 import unittest
-from pathlib import Path
 
-from support import BINARY, CAMERA, PATIENCE_S, ROOT
+from support import BINARY, CAMERA, PATIENCE_S, ROOT, InAFolder, starloop
 
 VIRTUAL = ("--clock", "virtual", "--duration", "0.3", "--sink", "null")
 ESCAPE = b"\x1b["
@@ -27,19 +25,9 @@ def without_duplicates(pairs):
     return dict(pairs)
 
 
-class Case(unittest.TestCase):
-    def setUp(self):
-        scratch = tempfile.TemporaryDirectory()
-        self.addCleanup(scratch.cleanup)
-        self.folder = Path(scratch.name)
-
+class Case(InAFolder):
     def done(self, *words, status=0, **environment):
-        environment = {**os.environ, **environment}
-        done = subprocess.run(
-            [BINARY, *words], cwd=self.folder, capture_output=True, text=True, timeout=PATIENCE_S, env=environment
-        )
-        self.assertEqual(done.returncode, status, f"{words}: {done.stderr}")
-        return done
+        return starloop(*words, status=status, cwd=self.folder, timeout=PATIENCE_S, env={**os.environ, **environment})
 
     def report(self, *words, status=0):
         lines = self.done(*words, "--json", status=status).stdout.splitlines()
@@ -155,8 +143,7 @@ class Reports(Case):
         self.assertEqual(scenario["schema"], "starloop.scenario/1")
 
     def test_those_of_a_budget_whatever_the_machine_does(self):
-        words = [BINARY, "budget", "--duration", "0.5", "--sink", "null", "--json"]
-        done = subprocess.run(words, cwd=self.folder, capture_output=True, text=True, timeout=PATIENCE_S)
+        done = starloop("budget", "--duration", "0.5", "--sink", "null", "--json", cwd=self.folder, timeout=PATIENCE_S)
         self.assertIn(done.returncode, (0, 3), done.stderr)
         report = json.loads(done.stdout, object_pairs_hook=without_duplicates)
         self.assertEqual(report["schema"], "starloop.budget/1")

@@ -10,15 +10,13 @@ import json
 import math
 import os
 import struct
-import subprocess
-import tempfile
 import unittest
 from pathlib import Path
 
 import numpy
 from astropy.io import fits
 
-from support import BINARY, ROOT
+from support import ROOT, folder_for, starloop
 
 START = "cameras/imx265_35mm.toml"
 REAL_SKY = os.environ.get("STARLOOP_REAL_SKY")
@@ -69,10 +67,6 @@ def write_tiff(path, pixels):
     Path(path).write_bytes(head + data + directory + struct.pack("<I", 0))
 
 
-def run(*arguments):
-    return subprocess.run([BINARY, *map(str, arguments)], capture_output=True, text=True)
-
-
 def arcsec_apart(one, other):
     (a, d), (b, e) = [[math.radians(of[i]) for i in (0, 1)] for of in (one, other)]
     half = math.sin((d - e) / 2) ** 2 + math.cos(d) * math.cos(e) * math.sin((a - b) / 2) ** 2
@@ -82,9 +76,7 @@ def arcsec_apart(one, other):
 class Compare(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.folder = tempfile.TemporaryDirectory()
-        cls.addClassCleanup(cls.folder.cleanup)
-        cls.path = Path(cls.folder.name)
+        cls.path = folder_for(cls)
         text = (ROOT / "configs" / START).read_text()
         before, after = text.split("[psf]")
         after = "[radiometry]" + after.split("[radiometry]")[1]
@@ -94,14 +86,14 @@ class Compare(unittest.TestCase):
         cls.frames = []
         for number, (ra, dec, roll) in enumerate(FIELDS):
             drawn = cls.path / f"drawn_{number}.fits"
-            done = run("render", "--camera", taking, "--ra", ra, "--dec", dec, "--roll", roll, "--time", REAL_TIME, "--seed", number + 1, "--out", drawn)
+            done = starloop("render", "--camera", taking, "--ra", ra, "--dec", dec, "--roll", roll, "--time", REAL_TIME, "--seed", number + 1, "--out", drawn)
             assert done.returncode == 0, done.stderr
             frame = cls.path / f"frame_{number}.tiff"
             write_tiff(frame, fits.getdata(drawn).astype("u2") * 16)
             cls.frames.append(frame)
 
     def compared(self, *arguments):
-        done = run("compare", *arguments, "--json")
+        done = starloop("compare", *arguments, "--json")
         self.assertIn(done.returncode, (0, 4), done.stderr)
         answer = json.loads(done.stdout)
         self.assertEqual(answer["schema_version"], 1)
@@ -161,8 +153,7 @@ class Compare(unittest.TestCase):
 
     def test_fitted_camera_is_a_camera_and_report_holds_all(self):
         out = self.path / "out"
-        done = run("compare", self.frames[3], "--camera", START, "--time", REAL_TIME, "--out", out)
-        self.assertEqual(done.returncode, 0, done.stderr)
+        done = starloop("compare", self.frames[3], "--camera", START, "--time", REAL_TIME, "--out", out, status=0)
         self.assertTrue(done.stdout.startswith("AGREES: 1 of 1 images"), done.stdout)
         names = sorted(path.name for path in out.iterdir())
         self.assertEqual(names, ["frame_3.camera.toml", "frame_3.png", "frame_3.stars.csv", "report.html"])
@@ -174,11 +165,9 @@ class Compare(unittest.TestCase):
         self.assertGreater(len(rows), 20)
         bench = self.path / "bench.toml"
         bench.write_text(f'camera = "{out / "frame_3.camera.toml"}"\n[timing]\nframe_rate_hz = 2\n')
-        checked = run("check", bench)
-        self.assertEqual(checked.returncode, 0, checked.stderr)
+        starloop("check", bench, status=0)
         # The fitted camera takes the place of the first one.
-        again = run("compare", self.frames[3], "--camera", out / "frame_3.camera.toml", "--time", REAL_TIME, "--json")
-        self.assertEqual(again.returncode, 0, again.stderr)
+        starloop("compare", self.frames[3], "--camera", out / "frame_3.camera.toml", "--time", REAL_TIME, "--json", status=0)
 
     def test_fits_of_other_programs_and_of_data_sets_are_read(self):
         pixels = fits.getdata(self.path / "drawn_3.fits").astype("u2")
@@ -196,8 +185,7 @@ class Compare(unittest.TestCase):
             self.assertLess(arcsec_apart((images[0]["ra_deg"], images[0]["dec_deg"]), FIELDS[3]), 10)
         floats = self.path / "floats.fits.fz"
         fits.HDUList([fits.PrimaryHDU(), fits.CompImageHDU(pixels.astype("f4"))]).writeto(floats, overwrite=True)
-        done = run("compare", floats, "--camera", START)
-        self.assertEqual(done.returncode, 1, done.stderr)
+        done = starloop("compare", floats, "--camera", START, status=1)
         self.assertIn("funpack", done.stderr)
         self.assertNotIn("damaged", done.stderr)
 
@@ -229,7 +217,7 @@ class Compare(unittest.TestCase):
             ((self.path / "none.tiff", "--camera", START), "cannot be read"),
             ((self.frames[0], "--camera", "benches/loopback.toml"), "got a bench"),
         ]:
-            done = run("compare", *arguments)
+            done = starloop("compare", *arguments)
             self.assertIn(done.returncode, (1, 2), arguments)
             self.assertIn(words, done.stderr)
             self.assertEqual(len(done.stderr.strip().splitlines()), 1, done.stderr)

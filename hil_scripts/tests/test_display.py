@@ -7,9 +7,7 @@ Needs: xvfb, xdotool, x11-xserver-utils (xrandr), evilwm, twm, and a Vulkan driv
 target/release/starloop), built with --features display.
 """
 
-import csv
 import datetime
-import json
 import math
 import os
 import random
@@ -22,9 +20,9 @@ import tempfile
 import time
 import unittest
 import zlib
-from pathlib import Path
 
-from support import BINARY
+import support
+from support import BINARY, InAFolder, summary_of
 
 SIDE = 256  # a square with each luminance once
 PATIENCE_S = 60
@@ -90,7 +88,7 @@ class Screen:
         if manager:
             # The server's built-in font: no package of fonts is needed.
             names = ("Title", "Menu", "Icon", "IconManager", "Resize")
-            (Path(self.folder.name) / ".twmrc").write_text("".join(f'{name}Font "fixed"\n' for name in names))
+            (self.folder / ".twmrc").write_text("".join(f'{name}Font "fixed"\n' for name in names))
             arguments = [manager, "-fn", "fixed"] if manager == "evilwm" else [manager]
             self.manager = subprocess.Popen(
                 arguments, env=self.environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
@@ -110,7 +108,7 @@ class Screen:
 
     def pixels(self):
         """The screen as (red, green, blue) by row and column, from the server's memory."""
-        dump = (Path(self.folder.name) / "Xvfb_screen0").read_bytes()
+        dump = (self.folder / "Xvfb_screen0").read_bytes()
         header = struct.unpack(">25I", dump[:100])
         size, _, _, _, width, height, _, byte_order, _, _, _, bits, stride, _, red, green, blue = header[:17]
         colours = header[19]
@@ -236,15 +234,14 @@ def rows(luminances, width, grey=linear_grey):
 
 
 @needed("Xvfb", "xdotool", "xrandr", "evilwm", "twm")
-class OnAScreen(unittest.TestCase):
+class OnAScreen(InAFolder):
     def setUp(self):
-        self.folder = tempfile.TemporaryDirectory()
-        self.addCleanup(self.folder.cleanup)
+        super().setUp()
         self.every = list(range(65536))
         self.noise = random.Random(7).choices(range(65536), k=SIDE * SIDE)
 
     def png(self, name, luminances, width=SIDE):
-        return write_png(Path(self.folder.name) / name, width, len(luminances) // width, luminances)
+        return write_png(self.folder / name, width, len(luminances) // width, luminances)
 
     def test_every_luminance_has_its_grey_with_and_without_a_window_manager(self):
         images = self.png("every.png", self.every), self.png("noise.png", self.noise)
@@ -343,7 +340,7 @@ class OnAScreen(unittest.TestCase):
                 self.assertIn(part, output)
 
     def test_a_bench_shows_its_stars_where_its_truth_has_them(self):
-        folder = Path(self.folder.name)
+        folder = self.folder
         made = subprocess.run(
             [BINARY, "calibrate", "display", "simulate", "--out", str(folder)],
             capture_output=True,
@@ -367,13 +364,12 @@ class OnAScreen(unittest.TestCase):
                 complaint = run.stderr.read()
             self.assertEqual(run.returncode, 0, complaint)
         self.assertIn("640 x 480", complaint)
-        summary = json.loads((folder / "run/summary.json").read_text())
+        summary = summary_of(folder / "run")
         lines = {line["sink"]: line for line in summary["sinks"]}
         self.assertGreater(lines["display"]["counts"]["presented"], 5)
         self.assertTrue(rows_of, "something was seen")
         # Every frame that was presented has its submit time, in order, with when its light is expected.
-        with open(folder / "run/submits.csv", newline="") as table:
-            submits = list(csv.DictReader(table))
+        submits = support.rows_of(folder / "run/submits.csv")
         counts = lines["display"]["counts"]
         self.assertEqual(len(submits) + counts.get("submits_lost", 0), counts["presented"])
         frames = [int(row["frame"]) for row in submits]
@@ -405,15 +401,14 @@ class OnAScreen(unittest.TestCase):
         self.assertLess(sum(light(x, y) > 40 for x, y in empty), 2)
 
     def test_flips_and_a_photodiode_report_the_latency(self):
-        submits, edges = Path(self.folder.name) / "submits.csv", Path(self.folder.name) / "edges.csv"
+        submits, edges = self.folder / "submits.csv", self.folder / "edges.csv"
         flip = command("flip", "--out", str(submits), "--count", "30", "--period", "0.12", "--marker-px", "16")
         with Screen() as screen:
             done = subprocess.run(flip, env=screen.environment, capture_output=True, text=True, timeout=PATIENCE_S)
             self.assertEqual(done.returncode, 0, done.stderr)
             again = subprocess.run(flip, env=screen.environment, capture_output=True, text=True, timeout=PATIENCE_S)
             self.assertIn("submits.csv", again.stderr, "an earlier table is left alone")
-        with submits.open(newline="") as table:
-            rows = list(csv.DictReader(table))
+        rows = support.rows_of(submits)
         self.assertGreater(len(rows), 20)
         colours = [row["marker_is_white"] for row in rows]
         self.assertTrue(all(a != b for a, b in zip(colours, colours[1:])), "it turns over each time")

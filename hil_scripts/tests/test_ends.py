@@ -14,7 +14,7 @@ import time
 import unittest
 from pathlib import Path
 
-from support import BINARY, CAMERA, PATIENCE_S, ROOT, bench_text, until
+from support import BINARY, CAMERA, PATIENCE_S, ROOT, InAFolder, bench_text, starloop, summary_of, until
 
 LOST = 5
 RECORDER = '[sink]\nkind = "recorder"\nfits = true\n'
@@ -29,17 +29,9 @@ def default_signals():
         signal.signal(number, signal.SIG_DFL)
 
 
-class Case(unittest.TestCase):
-    def setUp(self):
-        scratch = tempfile.TemporaryDirectory()
-        self.addCleanup(scratch.cleanup)
-        self.folder = Path(scratch.name)
-        self.out = self.folder / "run"
-
+class Case(InAFolder):
     def bench(self, more=RECORDER):
-        path = self.folder / "bench.toml"
-        path.write_text(bench_text("ends") + more)
-        return str(path)
+        return self.written("bench.toml", bench_text("ends") + more)
 
     def run_words(self, *words, bench=RECORDER):
         return ["run", self.bench(bench), "--backend", "cpu", "--out", str(self.out), "--quiet", *words]
@@ -58,8 +50,7 @@ class Case(unittest.TestCase):
         program.communicate()
 
     def done(self, *words, **options):
-        options = {"capture_output": True, "text": True, **options}
-        return subprocess.run([BINARY, *words], cwd=self.folder, timeout=PATIENCE_S, **options)
+        return starloop(*words, cwd=self.folder, timeout=PATIENCE_S, **options)
 
     def after_frames(self, program, count=3):
         path = self.out / "frames.csv"
@@ -68,7 +59,7 @@ class Case(unittest.TestCase):
         self.assertIsNone(program.poll(), "it runs")
 
     def summary(self):
-        return json.loads((self.out / "summary.json").read_text())
+        return summary_of(self.out)
 
     def parts(self):
         return [str(path) for path in self.folder.rglob("*.part")]
@@ -225,9 +216,8 @@ class Losses(Case):
 class Streams(Case):
     def to_full(self, *words, stream="stdout"):
         with open("/dev/full", "w") as full:
-            kept = subprocess.PIPE
-            streams = {"stdout": kept, "stderr": kept, stream: full}
-            return subprocess.run([BINARY, *words], cwd=self.folder, text=True, timeout=PATIENCE_S, **streams)
+            streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, stream: full}
+            return self.done(*words, capture_output=False, **streams)
 
     def test_a_full_output_is_an_error_and_no_panic(self):
         virtual = ("--clock", "virtual", "--duration", "0.3", "--sink", "null")
@@ -265,7 +255,7 @@ class Streams(Case):
         for words in commands:
             readable, writable = os.pipe()
             os.close(readable)
-            done = subprocess.run([BINARY, *words], cwd=self.folder, stdout=writable, stderr=subprocess.PIPE, text=True)
+            done = self.done(*words, capture_output=False, stdout=writable, stderr=subprocess.PIPE)
             os.close(writable)
             self.assertEqual((done.returncode, done.stderr), (141, ""), words)
 

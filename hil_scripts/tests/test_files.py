@@ -4,18 +4,13 @@ Names planted in output folders, names that lead out of them, rings that vanish,
 memory set from outside. STARLOOP_BINARY names the program (default target/release/starloop). Standard library only.
 """
 
-import csv
-import json
 import os
 import resource
 import shutil
-import subprocess
-import tempfile
 import time
 import unittest
-from pathlib import Path
 
-from support import BINARY, CAMERA, ROOT, bench_text
+from support import BINARY, CAMERA, ROOT, InAFolder, Running, bench_text, rows_of, starloop, summary_of, until
 
 LARGE_CAMERA = """
 [detector]
@@ -33,36 +28,24 @@ def limited(megabytes):
     return lambda: resource.setrlimit(resource.RLIMIT_AS, (megabytes * 10**6,) * 2)
 
 
-class Folder(unittest.TestCase):
-    """A folder for each test."""
-
-    def setUp(self):
-        self.folder = Path(tempfile.mkdtemp(prefix="starloop-files-"))
-        self.addCleanup(shutil.rmtree, self.folder)
-        self.out = self.folder / "run"
-
+class Folder(InAFolder):
     def bench(self, sinks="", name="files", camera=CAMERA):
-        path = self.folder / "bench.toml"
-        path.write_text(bench_text(name, camera) + sinks)
-        return str(path)
+        return self.written("bench.toml", bench_text(name, camera) + sinks)
 
     def large(self, side, sinks=""):
-        camera = self.folder / f"camera_{side}.toml"
-        camera.write_text(LARGE_CAMERA.format(side=side))
-        return self.bench(sinks, camera=camera)
+        return self.bench(sinks, camera=self.written(f"camera_{side}.toml", LARGE_CAMERA.format(side=side)))
 
     def run_it(self, *words, **options):
-        return subprocess.run([BINARY, *words], capture_output=True, text=True, timeout=300, cwd=self.folder, **options)
+        return starloop(*words, timeout=300, cwd=self.folder, **options)
 
 
 class Files(Folder):
     def rows(self):
-        with open(self.out / "frames.csv", newline="") as file:
-            return [int(row["frame"]) for row in csv.DictReader(file)]
+        return [int(row["frame"]) for row in rows_of(self.out)]
 
     def refusals(self):
-        summary = json.loads((self.out / "summary.json").read_text())
-        return summary["sinks"][0]["refused"], summary["sinks"][0]["first_error"]
+        sink = summary_of(self.out)["sinks"][0]
+        return sink["refused"], sink["first_error"]
 
     def test_planted_names_cost_their_frames_and_their_targets_stay(self):
         victim = self.folder / "victim"
@@ -119,8 +102,7 @@ class Files(Folder):
         table = self.folder / "los.csv"
         table.write_text("t_s,dx_px,dy_px,roll_arcsec\n" + "9" * 10_000_000 + "x,0,0,0\n")
         words = ["--camera", str(CAMERA), "--ra", "82", "--dec", "-1", "--los", str(table), "--out", "a.fits"]
-        done = self.run_it("render", *words)
-        self.assertEqual(done.returncode, 1, done.stderr[:500])
+        done = self.run_it("render", *words, status=1)
         self.assertIn("los.csv", done.stderr)
         self.assertLess(len(done.stderr), 5000)
 
@@ -128,25 +110,23 @@ class Files(Folder):
         ring = self.folder / "ring"
         sinks = f'[sink]\nkind = "shared_memory"\npath = "{ring}"\n'
         words = ["--quiet", "--backend", "cpu", "--duration", "4", "--out", str(self.out)]
-        running = subprocess.Popen([BINARY, "run", self.bench(sinks), *words], stderr=subprocess.PIPE, text=True)
-        while not ring.exists():
-            self.assertIsNone(running.poll(), "it runs")
-            time.sleep(0.01)
-        time.sleep(1)
-        ring.unlink()
-        _, error = running.communicate(timeout=300)
-        self.assertEqual(running.returncode, LOST, error)
+        with Running(BINARY, "run", self.bench(sinks), *words) as running:
+            until("the ring", lambda: running.process.poll() is not None or ring.exists())
+            self.assertIsNone(running.process.poll(), "it runs")
+            time.sleep(1)
+            ring.unlink()
+            running.ended(300)
+        error = "".join(running.said)
+        self.assertEqual(running.process.returncode, LOST, error)
         self.assertIn("was removed or replaced by another program", error)
 
     def test_capture_that_was_cut_is_refused(self):
         capture = self.folder / "capture"
         words = ["--quiet", "--backend", "cpu", "--duration", "1", "--clock", "virtual", "--sink", "null"]
-        done = self.run_it("run", self.bench(), *words, "--capture", str(capture))
-        self.assertEqual(done.returncode, 0, done.stderr)
+        done = self.run_it("run", self.bench(), *words, "--capture", str(capture), status=0)
         rows = (capture / "frames.csv").read_text().splitlines(keepends=True)
         (capture / "frames.csv").write_text("".join(rows[:-3]))
-        done = self.run_it("replay", str(capture))
-        self.assertEqual(done.returncode, 1, done.stdout)
+        done = self.run_it("replay", str(capture), status=1)
         self.assertIn("holds 7 rows, wanted 10", done.stderr)
         (capture / "frames.csv").write_text("".join(rows))
         done = self.run_it("replay", str(capture))
@@ -208,14 +188,12 @@ class Memory(Folder):
                 self.assertIn("closed loops (RAYON_NUM_THREADS", done.stderr)
 
     def test_check_states_the_memory_of_a_run_and_warns(self):
-        done = self.run_it("check", self.large(2048, '[sink]\nkind = "recorder"\n'))
-        self.assertEqual(done.returncode, 0, done.stderr)
+        done = self.run_it("check", self.large(2048, '[sink]\nkind = "recorder"\n'), status=0)
         self.assertRegex(done.stdout, r"\n  memory       \d+ MiB: ")
         self.assertNotIn("this run needs", done.stdout)
 
     def test_load_without_bounds_is_refused_in_words(self):
-        done = self.run_it("budget", "--load", "4294967296")
-        self.assertEqual(done.returncode, 2, done.stderr)
+        done = self.run_it("budget", "--load", "4294967296", status=2)
         self.assertIn("wanted a number of threads from 0 to 1024", done.stderr)
 
 

@@ -20,54 +20,43 @@ from pathlib import Path
 
 from astropy.io import fits
 
-from support import BINARY, ROOT, SCRIPTS
+from support import BINARY, ROOT, SCRIPTS, Running
 from starloop import flight_computer
 
 # A small camera: the flight is what counts. Frames at 10 Hz for longer than any flight takes.
 SETTINGS = ["--set", "camera=../cameras/small_tracker.toml", "--set", "timing.duration_s=120"]
-PATIENCE_S = 60.0
 # A turn short enough for a test. A frame drawn from an attitude 100 ms old errs by jerk * t^3 / 6 = 0.5 arcsec then.
 TURN = ["--slew-s", "6", "--least-frames", "15"]
 
 
-class Stimulator:
-    """`starloop run` of a bench, from its first words to its end by Ctrl-C."""
+class Stimulator(Running):
+    """`starloop run` of a bench, to its end by Ctrl-C."""
 
     def __init__(self, bench, *settings, out=None):
-        sink = ["--sink", "null"] if out is None else ["--out", str(out)]
-        command = [BINARY, "run", str(ROOT / "configs/benches" / bench), *sink, "--details", *SETTINGS]
-        for setting in settings:
-            command += ["--set", setting]
-        self.program = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        self.gateways, self.said = {}, []
-
-    def __enter__(self):
-        return self
-
-    def wait_for(self, words):
-        """Reads what it says until it says this."""
-        while words not in (line := self.program.stderr.readline()):
-            assert line, f"ended without saying {words!r}: {''.join(self.said)}"
-            self.said.append(line)
-            if found := re.match(r"gateway: (.*) at (.*)\n", line):
-                self.gateways[found[1]] = found[2]
-        if found := re.match(r"gateway: (.*) at (.*)\n", line):
-            self.gateways[found[1]] = found[2]
-        return line
+        sink = ["--sink", "null"] if out is None else ["--out", out]
+        words = [word for setting in settings for word in ("--set", setting)]
+        super().__init__(BINARY, "run", ROOT / "configs/benches" / bench, *sink, "--details", *SETTINGS, *words)
 
     def stop(self):
         """The summary that it prints."""
-        self.program.send_signal(2)
-        out, errors = self.program.communicate(timeout=PATIENCE_S)
-        assert self.program.returncode == 130, f"exit status {self.program.returncode}: {errors}"
-        return out
+        text = super().stop()
+        assert self.process.returncode == 130, f"exit status {self.process.returncode}: {''.join(self.said)}"
+        return text
 
-    def __exit__(self, *_):
-        if self.program.poll() is None:
-            self.program.kill()
-            self.program.communicate()
-        self.program.stdout.close()
-        self.program.stderr.close()
+
+class Gateways(Stimulator):
+    """A run with gateways; `slcan` are the words for a flight computer behind that one, and `socketcand`."""
+
+    def __init__(self, *settings, bench="gateways.toml", out=None):
+        super().__init__(bench, "link.slcan_tcp=0", "link.socketcand=0", *settings, out=out)
+
+    def __enter__(self):
+        self.wait_for("socketcand at")
+        self.gateways = dict(re.findall("(?m)^gateway: (.*) at (.*)$", "".join(self.said)))
+        self.slcan = ["--interface", "slcan", "--channel", f"socket://{self.gateways['slcan (TCP)']}", "--fd"]
+        host, port = self.gateways["socketcand"].rsplit(":", 1)
+        self.socketcand = ["--interface", "socketcand", "--host", host, "--port", port, "--channel", "can0"]
+        return self
 
 
 def fly(*arguments):
@@ -151,11 +140,8 @@ class TriggeredFaults(unittest.TestCase):
 
     def test_frames_from_the_trigger_on_carry_the_fault_in_the_header_and_in_the_light(self):
         with tempfile.TemporaryDirectory() as folder:
-            settings = ["link.slcan_tcp=0", "link.socketcand=0"]
-            with Stimulator("gateways_faults.toml", *settings, out=Path(folder) / "run") as starloop:
-                starloop.wait_for("socketcand at")
-                channel = f"socket://{starloop.gateways['slcan (TCP)']}"
-                status, said = fly("--interface", "slcan", "--channel", channel, "--fd", "--trigger", "7@2.5")
+            with Gateways(bench="gateways_faults.toml", out=Path(folder) / "run") as starloop:
+                status, said = fly(*starloop.slcan, "--trigger", "7@2.5")
                 self.assertEqual(status, 0, said)
                 self.assertIn("trigger 7 was taken", said)
                 summary = starloop.stop()
@@ -202,10 +188,8 @@ class Flights(unittest.TestCase):
         self.assertIn("largest error", said)
 
     def test_slcan_with_can_fd(self):
-        with Stimulator("gateways.toml", "link.slcan_tcp=0", "link.socketcand=0") as starloop:
-            starloop.wait_for("socketcand at")
-            channel = f"socket://{starloop.gateways['slcan (TCP)']}"
-            status, said = fly("--interface", "slcan", "--channel", channel, "--fd")
+        with Gateways() as starloop:
+            status, said = fly(*starloop.slcan)
             self.check(status, said)
             summary = starloop.stop()
             self.assertRegex(summary, r"bus to history +\d{2,}", "latency from the bus into the history")
@@ -213,12 +197,9 @@ class Flights(unittest.TestCase):
 
     def test_three_packages_are_enough(self):
         folder = SCRIPTS / "starloop"
-        with Stimulator("gateways.toml", "link.slcan_tcp=0", "link.socketcand=0") as starloop:
-            starloop.wait_for("socketcand at")
-            channel = f"socket://{starloop.gateways['slcan (TCP)']}"
-            way = ["--interface", "slcan", "--channel", channel, "--fd"]
-            self.check(*with_its_list(str(folder / "flight_computer.py"), *TURN, *way))
-            status, said = with_its_list(str(folder / "bus_report.py"), *way, "--seconds", "0.5")
+        with Gateways() as starloop:
+            self.check(*with_its_list(str(folder / "flight_computer.py"), *TURN, *starloop.slcan))
+            status, said = with_its_list(str(folder / "bus_report.py"), *starloop.slcan, "--seconds", "0.5")
             self.assertEqual(status, 0, said)
         for other in ("astropy", "numpy"):
             status, said = with_its_list(other)
@@ -226,10 +207,8 @@ class Flights(unittest.TestCase):
             self.assertIn(f"{other} is of none of", said)
 
     def test_trigger_that_nothing_waits_for_is_refused_with_its_reason(self):
-        with Stimulator("gateways.toml", "link.slcan_tcp=0", "link.socketcand=0") as starloop:
-            starloop.wait_for("socketcand at")
-            channel = f"socket://{starloop.gateways['slcan (TCP)']}"
-            status, said = fly("--interface", "slcan", "--channel", channel, "--fd", "--trigger", "7")
+        with Gateways() as starloop:
+            status, said = fly(*starloop.slcan, "--trigger", "7")
             self.assertEqual(status, 1, said)
             reason = "UnknownTrigger (code 11): no fault or event of the run waits for this number"
             self.assertIn(f"flight_computer: trigger 7: TRIGGER was refused: {reason}\n", said)
@@ -240,30 +219,22 @@ class Flights(unittest.TestCase):
             self.assertNotIn("trigger_fired", summary)
 
     def test_a_flight_that_is_not_as_reported_is_seen(self):
-        with Stimulator("gateways.toml", "link.slcan_tcp=0", "link.socketcand=0") as starloop:
-            starloop.wait_for("socketcand at")
-            channel = f"socket://{starloop.gateways['slcan (TCP)']}"
+        with Gateways() as starloop:
             # Two arcseconds more than was sent: the comparison must fail.
-            status, said = fly("--interface", "slcan", "--channel", channel, "--fd", "--biased-deg", "0.0006")
+            status, said = fly(*starloop.slcan, "--biased-deg", "0.0006")
             self.assertEqual(status, 4, said)
 
     def test_socketcand_with_classic_can_at_another_node(self):
         node = ["link.wire=can_classic", "link.node=5", "link.id_base=128"]
-        with Stimulator("gateways.toml", "link.slcan_tcp=0", "link.socketcand=0", *node) as starloop:
-            starloop.wait_for("socketcand at")
-            host, port = starloop.gateways["socketcand"].rsplit(":", 1)
-            channel = ["--interface", "socketcand", "--host", host, "--port", port, "--channel", "can0"]
-            self.check(*fly(*channel, "--node", "5", "--id-base", "128"))
+        with Gateways(*node) as starloop:
+            self.check(*fly(*starloop.socketcand, "--node", "5", "--id-base", "128"))
 
     def test_slcan_with_identifiers_of_29_bits(self):
         ids = ["link.id_bits=29", "link.id_base=0x18FF0000", "link.node=5"]
-        with Stimulator("gateways.toml", "link.slcan_tcp=0", "link.socketcand=0", *ids) as starloop:
-            starloop.wait_for("socketcand at")
-            channel = f"socket://{starloop.gateways['slcan (TCP)']}"
-            place = ["--interface", "slcan", "--channel", channel, "--fd", "--node", "5", "--id-base", "0x18FF0000"]
-            self.check(*fly(*place, "--id-bits", "29"))
+        with Gateways(*ids) as starloop:
+            self.check(*fly(*starloop.slcan, "--node", "5", "--id-base", "0x18FF0000", "--id-bits", "29"))
             # Identifiers of another length are not this node's.
-            status, said = fly("--interface", "slcan", "--channel", channel, "--fd", "--node", "5")
+            status, said = fly(*starloop.slcan, "--node", "5")
             self.assertEqual(status, 1, said)
             self.assertIn("no answer to HELLO", said)
 
@@ -289,12 +260,9 @@ class Flights(unittest.TestCase):
         self.assertNotIn("Traceback", said)
 
     def test_the_bus_report_has_load_and_latency(self):
-        with Stimulator("gateways.toml", "link.slcan_tcp=0", "link.socketcand=0") as starloop:
-            starloop.wait_for("socketcand at")
-            channel = f"socket://{starloop.gateways['slcan (TCP)']}"
+        with Gateways() as starloop:
             script = str(SCRIPTS / "starloop/bus_report.py")
-            wanted = ["--interface", "slcan", "--channel", channel, "--fd", "--seconds", "2", "--ask"]
-            said = subprocess.run([sys.executable, script, *wanted], capture_output=True, text=True, timeout=60)
+            said = subprocess.run([sys.executable, script, *starloop.slcan, "--seconds", "2", "--ask"], capture_output=True, text=True, timeout=60)
             self.assertEqual(said.returncode, 0, said.stderr)
             self.assertRegex(said.stdout, r"STATUS +\d+\.\d +\d+\.\d\d")
             self.assertRegex(said.stdout, r"command to response, \d+ times: p50 [\d.]+ ms")

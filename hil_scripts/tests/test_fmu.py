@@ -7,18 +7,15 @@ of a slew written here; two runs give the same bits; a conjugated quaternion doe
 
 import csv
 import math
-import subprocess
-import tempfile
 import unittest
 import zlib
-from pathlib import Path
 
 from fmpy import extract, read_model_description, simulate_fmu
 from fmpy.fmi3 import FMU3Slave
 from fmpy.model_description import ValidationError
 from fmpy.validation import validate_fmu
 
-from support import ARCSEC, BINARY, ROOT
+from support import ARCSEC, ROOT, folder_for, product, starloop
 
 CAMERA = """
 [detector]
@@ -45,24 +42,9 @@ RATE_DEG_S = 1.0
 STEP_S = 0.02
 
 
-def starloop(*words):
-    return subprocess.run([BINARY, *map(str, words)], capture_output=True, text=True, timeout=120)
-
-
 def about_z(angle_rad):
     """The attitude of a body that has turned by an angle about its z axis: passive, w x y z."""
     return [math.cos(angle_rad / 2), 0.0, 0.0, -math.sin(angle_rad / 2)]
-
-
-def product(a, b):
-    """The Hamilton product of two quaternions w x y z."""
-    (aw, ax, ay, az), (bw, bx, by, bz) = a, b
-    return [
-        aw * bw - ax * bx - ay * by - az * bz,
-        aw * bx + ax * bw + ay * bz - az * by,
-        aw * by - ax * bz + ay * bw + az * bx,
-        aw * bz + ax * by - ay * bx + az * bw,
-    ]
 
 
 def angle_rad(a, b):
@@ -74,20 +56,14 @@ def angle_rad(a, b):
 class Unit(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.folder = tempfile.TemporaryDirectory()
-        cls.here = Path(cls.folder.name)
+        cls.here = folder_for(cls)
         (cls.here / "camera.toml").write_text(CAMERA)
         (cls.here / "bench.toml").write_text(BENCH)
         cls.fmu = cls.here / "bench.fmu"
-        done = starloop("fmu", cls.here / "bench.toml", "--out", cls.fmu)
-        assert done.returncode == 0, done.stderr
+        starloop("fmu", cls.here / "bench.toml", "--out", cls.fmu, status=0)
         cls.model = read_model_description(str(cls.fmu))
         cls.references = {variable.name: variable.valueReference for variable in cls.model.modelVariables}
         cls.unzipped = extract(str(cls.fmu))
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.folder.cleanup()
 
     def start(self, out, **parameters):
         """An instance between steps, and the messages that it logs."""
@@ -214,8 +190,7 @@ class Unit(unittest.TestCase):
         def images(name, more):
             (self.here / f"{name}.toml").write_text(BENCH + more)
             unit, out = self.here / f"{name}.fmu", self.here / f"frames of {name}"
-            done = starloop("fmu", self.here / f"{name}.toml", "--out", unit)
-            self.assertEqual(done.returncode, 0, done.stderr)
+            starloop("fmu", self.here / f"{name}.toml", "--out", unit, status=0)
             attitude = {"output_dir": str(out), "q_body_from_icrf": slew(0.0)}
             simulate_fmu(str(unit), start_values=attitude, stop_time=1.0, step_size=0.1, output_interval=0.1, output=["frame_counter"])
             files = sorted(out.rglob("*.fits"))
@@ -229,8 +204,7 @@ class Unit(unittest.TestCase):
         text = BENCH + "".join(f"[[head]]\nsensor_from_body = {head}\n" for head in heads)
         (self.here / "three.toml").write_text(text)
         unit = self.here / "three.fmu"
-        done = starloop("fmu", self.here / "three.toml", "--out", unit)
-        self.assertEqual(done.returncode, 0, done.stderr)
+        starloop("fmu", self.here / "three.toml", "--out", unit, status=0)
         outputs = [f"head_{head}_{what}" for head in range(3) for what in ("frame_counter", "true_q_sensor_from_icrf")]
         result = simulate_fmu(
             str(unit),

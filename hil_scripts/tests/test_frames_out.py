@@ -6,17 +6,15 @@ Needs what `test_network_camera.py` needs. STARLOOP_BINARY names the program.
 """
 
 import json
-import re
 import signal
 import socket
-import subprocess
 import tempfile
 import time
 import unittest
 import urllib.request
 from pathlib import Path
 
-from support import BINARY, ROOT
+from support import BINARY, ROOT, Running, summary_of
 from test_network_camera import ADDRESSES, PATIENCE_S, WHOLE, Grab, fits_pixels, shifted, unpacked
 
 FRAMES = 120
@@ -51,7 +49,7 @@ frames_queued = 16
 """
 
 
-class Run:
+class Run(Running):
     """`starloop run --monitor` until its end."""
 
     def __init__(self, folder):
@@ -59,23 +57,17 @@ class Run:
         self.address = next(ADDRESSES)
         bench = self.folder / "bench.toml"
         bench.write_text(BENCH.format(root=ROOT, folder=folder, address=self.address, seconds=FRAMES / 10))
-        words = ["run", str(bench), "--out", str(self.folder / "run"), "--monitor", "0"]
-        self.process = subprocess.Popen([BINARY, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        self.said = ""
-        while "http://" not in self.said:
-            line = self.process.stderr.readline()
-            assert line, f"it ended: {self.said}"
-            self.said += line
-        self.page = re.search(r"http://([0-9.]+):(\d+)/", self.said)
+        super().__init__(BINARY, "run", bench, "--out", self.folder / "run", "--monitor", "0")
+        self.page = self.wait_for(r"http://([0-9.]+):(\d+)/")
 
     def get(self, path):
         with urllib.request.urlopen(self.page.group(0) + path, timeout=PATIENCE_S) as answer:
             return answer.read()
 
     def result(self):
-        _, complaint = self.process.communicate(timeout=3 * PATIENCE_S)
-        assert self.process.returncode == 0, complaint
-        return json.loads((self.folder / "run/summary.json").read_text())
+        self.ended(3 * PATIENCE_S)
+        assert self.process.returncode == 0, "".join(self.said)
+        return summary_of(self.folder / "run")
 
 
 class Everything(unittest.TestCase):

@@ -11,10 +11,8 @@ import os
 import shutil
 import signal
 import subprocess
-import tempfile
 import time
 import unittest
-from pathlib import Path
 
 import hats
 import numpy
@@ -28,18 +26,14 @@ from hats.io.validation import is_valid_catalog
 from hats.pixel_math import compute_spatial_index, generate_alignment
 from hats.pixel_math.healpix_pixel import HealpixPixel
 
-from support import BINARY
-from test_catalog import real_rows
+from support import BINARY, folder_for
+from test_catalog import real_rows, starloop_catalog
 
 LAYERS = "10,14,18"
 COLUMNS = "source_id,RA_ICRS,DE_ICRS,parallax,pmra,pmdec,phot_g_mean_mag,phot_bp_mean_mag,phot_rp_mean_mag"
 PARTITION_ROWS = 30_000
 HIGHEST_ORDER = 6
 INDEX_ORDER = 29
-
-
-def starloop(*words, **options):
-    return subprocess.run([BINARY, "catalog", *map(str, words)], capture_output=True, text=True, timeout=300, **options)
 
 
 def table_of(rows):
@@ -79,29 +73,22 @@ def partitions(folder):
 class Catalogs(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.holder = tempfile.TemporaryDirectory()
-        cls.root = Path(cls.holder.name)
+        cls.root = folder_for(cls)
         cls.rows = real_rows()
         cls.table = table_of(cls.rows)
         cls.catalog = cls.root / "real"
         cls.pixels = write_catalog(cls.catalog, cls.table)
         begin = time.monotonic()
         cls.layers = cls.root / "layers"
-        done = starloop("import", cls.catalog, "--out", cls.layers, "--layers", LAYERS)
-        assert done.returncode == 0, done.stderr
+        done = starloop_catalog("import", cls.catalog, "--out", cls.layers, "--layers", LAYERS, status=0)
         cls.reported = done.stdout
         print(f"{len(cls.rows)} rows in {len(cls.pixels)} partitions imported in {time.monotonic() - begin:.1f} s")
         print(done.stdout, end="")
         begin = time.monotonic()
         cls.exported = cls.root / "exported"
         words = [cls.layers / f"g{limit}.starlayer" for limit in LAYERS.split(",")]
-        done = starloop("export", *words, "--hats", cls.exported, "--max-rows", PARTITION_ROWS)
-        assert done.returncode == 0, done.stderr
+        done = starloop_catalog("export", *words, "--hats", cls.exported, "--max-rows", PARTITION_ROWS, status=0)
         print(f"exported in {time.monotonic() - begin:.1f} s\n{done.stdout}", end="")
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.holder.cleanup()
 
     def count(self, what):
         return next(int(line.split()[0]) for line in self.reported.splitlines() if line.endswith(what))
@@ -128,8 +115,7 @@ class Catalogs(unittest.TestCase):
             out.write(COLUMNS + "\n")
             out.writelines(lines)
         words = ["--layers", LAYERS, "--column", "ra=RA_ICRS", "--column", "dec=DE_ICRS"]
-        done = starloop("import", csv, "--out", self.root / "from_csv", *words)
-        self.assertEqual(done.returncode, 0, done.stderr)
+        starloop_catalog("import", csv, "--out", self.root / "from_csv", *words, status=0)
         self.assert_same_layers(self.root / "from_csv")
 
     def test_hats_reads_catalogs_of_starloop(self):
@@ -184,12 +170,11 @@ class Catalogs(unittest.TestCase):
 
     def test_an_exported_catalog_makes_the_same_layers_again(self):
         again = self.root / "again"
-        done = starloop("import", self.exported, "--out", again, "--layers", LAYERS)
-        self.assertEqual(done.returncode, 0, done.stderr)
+        done = starloop_catalog("import", self.exported, "--out", again, "--layers", LAYERS, status=0)
         self.assert_same_layers(again)
-        done = starloop("import", self.exported, "--out", self.root / "epoch", "--epoch", 2000)
+        done = starloop_catalog("import", self.exported, "--out", self.root / "epoch", "--epoch", 2000)
         self.assertIn("--epoch: wanted 2016", done.stderr)
-        done = starloop("export", self.layers / "g10.starlayer", "--hats", self.exported)
+        done = starloop_catalog("export", self.layers / "g10.starlayer", "--hats", self.exported)
         self.assertIn("exported: there already", done.stderr)
 
     def test_an_import_that_is_killed_goes_on(self):
@@ -203,8 +188,7 @@ class Catalogs(unittest.TestCase):
         program.wait()
         self.assertTrue(progress.exists(), "stopped between its first partition and its end")
         self.assertFalse((out / "g10.starlayer").exists(), "no layer is there before it is whole")
-        done = starloop("import", self.catalog, "--out", out, "--layers", LAYERS)
-        self.assertEqual(done.returncode, 0, done.stderr)
+        done = starloop_catalog("import", self.catalog, "--out", out, "--layers", LAYERS, status=0)
         taken = done.stderr.count("taken in before")
         self.assertTrue(0 < taken < len(self.pixels), f"{taken} of {len(self.pixels)} partitions were there")
         self.assert_same_layers(out)
@@ -218,7 +202,7 @@ class Catalogs(unittest.TestCase):
                     shutil.copy(entry, catalog)
             shutil.copytree(self.catalog / "dataset", catalog / "dataset", copy_function=os.link)
             breaks(catalog, partitions(catalog)[1])
-            done = starloop("import", catalog, "--out", self.root / f"{name}_layers", "--layers", LAYERS)
+            done = starloop_catalog("import", catalog, "--out", self.root / f"{name}_layers", "--layers", LAYERS)
             self.assertNotEqual(done.returncode, 0)
             self.assertFalse((self.root / f"{name}_layers/g10.starlayer").exists())
             return done.stderr
@@ -249,8 +233,7 @@ class Catalogs(unittest.TestCase):
         catalog, table = self.root / "checked", self.table.slice(0, 3000)
         write_catalog(catalog, table, write_page_checksum=True)
         [part] = partitions(catalog)
-        done = starloop("import", catalog, "--out", self.root / "checked_layers")
-        self.assertEqual(done.returncode, 0, done.stderr)
+        done = starloop_catalog("import", catalog, "--out", self.root / "checked_layers", status=0)
         whole = part.read_bytes()
         column = parquet.read_metadata(part).row_group(0).column(2)
         self.assertEqual(column.path_in_schema, "RA_ICRS")
@@ -259,7 +242,7 @@ class Catalogs(unittest.TestCase):
             flipped = bytearray(whole)
             flipped[last] ^= 1 << bit
             part.write_bytes(flipped)
-            done = starloop("import", catalog, "--out", self.root / f"flipped{bit}")
+            done = starloop_catalog("import", catalog, "--out", self.root / f"flipped{bit}")
             self.assertNotEqual(done.returncode, 0)
             self.assertRegex(done.stderr, "Npix=.*parquet, column RA_ICRS: damaged: .*CRC")
 

@@ -7,10 +7,8 @@ quaternion and a swapped time system must differ. A run of two heads on both clo
 STARLOOP_BINARY names the program (default target/release/starloop). Needs Java 17 (openjdk-17-jre-headless).
 """
 
-import csv
+import functools
 import math
-import subprocess
-import tempfile
 import unittest
 from pathlib import Path
 
@@ -23,7 +21,8 @@ import pyarrow.parquet
 from brahe.ccsds import AEM, OEM
 from ccsds_ndm.ndm_io import NdmIo
 
-from support import BINARY, ROOT
+import support
+from support import ROOT, folder_for, rows_of
 
 LIMIT = 1e-9
 # 2026-03-01T00:00:00 UTC, ns of TAI since 1970.
@@ -203,25 +202,16 @@ class Orekit:
             yield row.getDate().durationFrom(self.zero), numpy.array(ours), numpy.array([rate.getX(), rate.getY(), rate.getZ()])
 
 
-def starloop(*arguments, check=True):
-    done = subprocess.run([BINARY, *map(str, arguments)], capture_output=True, text=True, timeout=300)
-    if check and done.returncode != 0:
-        raise AssertionError(f"{arguments}: {done.stderr}")
-    return done
+starloop = functools.partial(support.starloop, status=0)
 
 
 class Files(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.kept = tempfile.TemporaryDirectory()
-        cls.folder = Path(cls.kept.name)
+        cls.folder = folder_for(cls)
         (cls.folder / "orekit").mkdir()
         start_orekit(cls.folder / "orekit")
         cls.orekit = Orekit()
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.kept.cleanup()
 
     def bench(self, name, lines, heads=1):
         """A run file of 3 s in the middle of the files' rows."""
@@ -236,8 +226,7 @@ class Files(unittest.TestCase):
     def exported(self, bench, *options):
         out = bench.with_suffix(".csv")
         starloop("export", bench, *options, out, "--force")
-        rows = [line for line in out.read_text().splitlines() if not line.startswith("#")]
-        return list(csv.DictReader(rows))
+        return rows_of(out)
 
     def attitude_error(self, bench):
         """Largest angle between exported attitudes and the motion, and largest difference of rates."""
@@ -424,7 +413,7 @@ class Files(unittest.TestCase):
                 bench.write_text(bench.read_text().replace("00:00:50Z", "00:00:50.4Z").replace("duration_s = 3.0", "duration_s = 1.0"))
                 out = self.folder / "again.csv"
                 starloop("export", bench, "--observer", out, "--force")
-                rows = [row for row in csv.DictReader(line for line in out.read_text().splitlines() if line[0] != "#")]
+                rows = rows_of(out)
                 self.assertEqual(len(rows), 5)
                 for row in rows:
                     position, _ = orbit((int(row["tai_ns"]) - ZERO_TAI_NS) * 1e-9)
@@ -443,10 +432,10 @@ class Files(unittest.TestCase):
         bench = self.bench("run", self.file_plant("run.aem"), heads=2)
         for clock in ("virtual", "real"):
             out = self.folder / f"run_{clock}"
-            starloop("run", bench, "--clock", clock, "--out", out, check=False)
+            starloop("run", bench, "--clock", clock, "--out", out, status=None)
             for head in ("head0", "head1"):
                 with self.subTest(clock=clock, head=head):
-                    rows = list(csv.DictReader((out / head / "frames.csv").read_text().splitlines()))
+                    rows = rows_of(out / head)
                     self.assertGreater(len(rows), 0)
                     for row in rows:
                         t_s = (int(row["mid_exposure_tai_ns"]) - ZERO_TAI_NS) * 1e-9
@@ -458,7 +447,7 @@ class Files(unittest.TestCase):
                         self.assertLess(angle(got, right), 5e-7)
         aem = self.folder / "recorded.aem"
         starloop("export", self.folder / "run_virtual/head0", "--attitude", aem)
-        refused = starloop("export", self.folder / "run_virtual/head0", "--attitude", aem, check=False)
+        refused = starloop("export", self.folder / "run_virtual/head0", "--attitude", aem, status=None)
         self.assertIn("--force", refused.stderr)
         worst = max(angle(ours, attitude(t_s)) for t_s, ours, _ in self.orekit.attitudes_of_aem(aem))
         self.assertLess(worst, 5e-7)
@@ -477,7 +466,7 @@ class Files(unittest.TestCase):
         truth = self.folder / "one.truth.csv"
         starloop("render", "--camera", camera, "--attitude", quaternion, f"--rate={rate}", "--out", one, "--truth", truth)
         tables = (truth, self.folder / "few_000000.truth.csv")
-        read = [list(csv.DictReader(path.read_text().splitlines())) for path in tables]
+        read = [rows_of(path) for path in tables]
         places = [{row["id"]: (float(row["x_px"]), float(row["y_px"])) for row in rows} for rows in read]
         self.assertEqual(places[0].keys(), places[1].keys())
         worst = max(math.dist(places[0][star], places[1][star]) for star in places[0])

@@ -5,9 +5,9 @@ STARLOOP_SCREENSHOT names a file in which the page is kept as people see it.
 """
 
 import base64
+import functools
 import json
 import os
-import re
 import shutil
 import socket
 import subprocess
@@ -20,28 +20,23 @@ from pathlib import Path
 
 from prometheus_client.parser import text_string_to_metric_families
 
-from support import BINARY, ROOT
+import support
+from support import BINARY, ROOT, Running
 
 CHROMIUM = shutil.which(os.environ.get("STARLOOP_CHROMIUM", "chromium"))
 BENCH = ROOT / "configs/benches/loopback.toml"
 THREE_HEADS = ROOT / "configs/benches/three_heads.toml"
 # Something that takes longer than this does not come any more.
 HANGS_S = 90
+until = functools.partial(support.until, patience_s=HANGS_S, every_s=0.1)
 
 
-class Run:
+class Run(Running):
     """The program with its live view; ended when left."""
 
     def __init__(self, address="0", duration_s=600, *more, bench=BENCH, sink=("--sink", "null")):
-        words = [BINARY, "run", str(bench), *sink, "--duration", str(duration_s), "--monitor", address, *more]
-        self.program = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-        self.said = []
-        for line in self.program.stderr:
-            self.said.append(line)
-            if found := re.match(r"live view: (http://\S+)/$", line):
-                self.url = found[1]
-                return
-        raise AssertionError(f"no live view: {''.join(self.said)}")
+        super().__init__(BINARY, "run", bench, *sink, "--duration", duration_s, "--monitor", address, *more)
+        self.url = self.wait_for(r"^live view: (http://\S+)/$")[1]
 
     def get(self, path):
         with urllib.request.urlopen(self.url + path, timeout=HANGS_S) as answer:
@@ -53,16 +48,13 @@ class Run:
     def metrics(self):
         return {family.name: family for family in text_string_to_metric_families(self.get("/metrics").decode())}
 
-    def end(self):
-        self.program.terminate()
-        self.program.communicate(timeout=HANGS_S)
-
     def __enter__(self):
         until("a first frame", lambda: self.state()["frame"])
         return self
 
     def __exit__(self, *_):
-        self.end()
+        self.process.terminate()
+        self.ended(HANGS_S)
 
 
 class Browser:
@@ -158,16 +150,6 @@ class Browser:
             self.program.wait()
         os.close(self.take_in)
         self.profile.cleanup()
-
-
-def until(what, is_so):
-    """Asks until the answer is true; the answer."""
-    end = time.monotonic() + HANGS_S
-    while time.monotonic() < end:
-        if answer := is_so():
-            return answer
-        time.sleep(0.1)
-    raise AssertionError(f"{what}: not so for {HANGS_S} s")
 
 
 # Contrast and offset of the bright stars of the truth in the canvas, as [grey above the surroundings, px from the truth];
@@ -280,7 +262,7 @@ class InABrowser(unittest.TestCase):
             if keep := os.environ.get("STARLOOP_SCREENSHOT"):
                 time.sleep(float(os.environ.get("STARLOOP_SCREENSHOT_AFTER_S", "0")))
                 self.browser.screenshot(keep)
-            run.program.kill()
+            run.process.kill()
             until("the loss is shown", lambda: "no signal since" in self.browser.text("status"))
             self.assertTrue(self.browser.value('document.body.classList.contains("no-signal")'))
 
@@ -288,7 +270,7 @@ class InABrowser(unittest.TestCase):
         with Run(duration_s=6) as run:
             self.opened(run)
             until("the end is shown", lambda: self.browser.text("status").startswith("run is over since "))
-            run.program.wait(HANGS_S)
+            run.process.wait(HANGS_S)
             # Longer than the page waits before it reports the loss of the signal.
             time.sleep(2.0)
             self.assertTrue(self.browser.text("status").startswith("run is over since "), self.browser.text("status"))
@@ -433,7 +415,7 @@ class Machines(unittest.TestCase):
             last = until("the end", lambda: (m := run.metrics()) and value(m, "starloop_run_over") == 1 and m)
             out = value(last, "starloop_frames_delivered") + value(last, "starloop_frames_dropped")
             self.assertEqual((out, value(last, "starloop_frames_scheduled")), (40, 40))
-            self.assertEqual(run.program.wait(HANGS_S), 0)
+            self.assertEqual(run.process.wait(HANGS_S), 0)
 
     def check_histograms(self, metrics):
         for family in (f for f in metrics.values() if f.type == "histogram"):
@@ -489,9 +471,9 @@ class Machines(unittest.TestCase):
     def test_a_service_reachable_from_other_machines_says_so(self):
         for address, wanted in (("0.0.0.0:0", True), ("127.0.0.1:0", False)):
             run = Run(address, 1)
-            run.program.wait(HANGS_S)
-            said = "".join(run.said) + run.program.stderr.read()
-            run.program.stderr.close()
+            run.process.wait(HANGS_S)
+            run.ended()
+            said = "".join(run.said)
             self.assertEqual("asks for no password" in said, wanted, said)
 
 

@@ -6,14 +6,12 @@ The examples of starloop/client.py are executed too.
 import doctest
 import math
 import os
-import socket
-import subprocess
 import tempfile
 import time
 import unittest
 from pathlib import Path
 
-from support import BINARY, ROOT
+from support import BINARY, ROOT, product, starloop
 from starloop import client as starloop_client
 from starloop.client import Starloop, StarloopError, attitude_sample, mrp_of_wxyz, wxyz_of_mrp
 
@@ -148,7 +146,7 @@ class ThreeHeads(unittest.TestCase):
             with self.assertRaisesRegex(StarloopError, "3"):
                 loop.frame_facts(3)
         for head, reported in zip(self.HEADS, facts):
-            wanted = multiplied(head, turned(reported["mid_exposure_s"])[0])
+            wanted = product(head, turned(reported["mid_exposure_s"])[0])
             off = min(math.dist(reported["meta"]["attitude_wxyz"], [sign * part for part in wanted]) for sign in (1.0, -1.0))
             # The mountings of the file have eight digits.
             self.assertLess(math.degrees(2.0 * off) * 3600.0, 0.02)
@@ -158,13 +156,6 @@ class ThreeHeads(unittest.TestCase):
             off = min(math.dist(reported["body_from_icrf"], [sign * part for part in wanted]) for sign in (1.0, -1.0))
             self.assertTrue(reported["valid"])
             self.assertLess(math.degrees(2.0 * off) * 3600.0, 60.0, "each tracker finds the body's attitude")
-
-
-def multiplied(a, b):
-    """The Hamilton product of two quaternions, scalar first."""
-    (aw, ax, ay, az), (bw, bx, by, bz) = a, b
-    return [aw * bw - ax * bx - ay * by - az * bz, aw * bx + ax * bw + ay * bz - az * by,
-            aw * by - ax * bz + ay * bw + az * bx, aw * bz + ax * by - ay * bx + az * bw]
 
 
 class ControlOutside(unittest.TestCase):
@@ -185,12 +176,8 @@ class ControlOutside(unittest.TestCase):
 
 
     def test_the_real_clock_takes_commands_and_no_samples_of_a_plant_inside(self):
-        command = [BINARY, "run", str(ROOT / "configs/scenarios/acquisition.toml"), "--clock", "real", "--quiet"]
-        command += ["--control", "127.0.0.1:0", "--set", "duration_s=20.0"]
-        command += [word for key, value in SMALL.items() if key != "duration_s" for word in ("--set", f"{key}={value}")]
-        program = starloop_client.Program(command, 60.0)
-        connection = socket.create_connection(program.address, timeout=60.0)
-        with Starloop(connection, program, token=program.token) as loop:
+        scenario, settings = ROOT / "configs/scenarios/acquisition.toml", {**SMALL, "duration_s": 20.0}
+        with Starloop.start(BINARY, scenario, clock="real", settings=settings) as loop:
             self.assertEqual(loop.hello["clock"], "real")
             with self.assertRaisesRegex(StarloopError, "come by its link, or from inside"):
                 loop.attitude(samples())
@@ -237,7 +224,7 @@ class RealTime(unittest.TestCase):
                 q, _ = turned(facts["mid_exposure_s"])
                 got = facts["meta"]["attitude_wxyz"]
                 # The sensor's axes turn with the body's: the product with the inverse is the mounting, in every frame the same.
-                fixed = multiplied(got, [q[0], -q[1], -q[2], -q[3]])
+                fixed = product(got, [q[0], -q[1], -q[2], -q[3]])
                 mounting = mounting or fixed
                 off = min(max(abs(a - s * b) for a, b in zip(fixed, mounting)) for s in (1, -1))
                 self.assertLess(off, 1e-7, facts["number"])
@@ -247,9 +234,7 @@ class RealTime(unittest.TestCase):
             stale = [events.get(name, 0) for name in ("attitude_held", "blank", "attitude_missing")]
             self.assertGreater(sum(stale), 5, events)
             self.assertNotIn(last["meta"]["origin"], LIVE, "a sender that stopped is not shown as new")
-            done = subprocess.run([BINARY, "replay", str(Path(folder) / "capture")], capture_output=True, text=True, timeout=120)
-            self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
-            self.assertIn("bit-identical", done.stdout)
+            self.assertIn("bit-identical", starloop("replay", Path(folder) / "capture", status=0).stdout)
 
     def test_old_and_jumping_samples_are_refused_and_counted(self):
         def spoilt(rows, t_s):

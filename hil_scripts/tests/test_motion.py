@@ -3,17 +3,13 @@
 STARLOOP_BINARY names the program (default target/release/starloop).
 """
 
-import csv
 import math
 import shutil
-import subprocess
-import tempfile
 import unittest
-from pathlib import Path
 
 import numpy
 
-from support import ARCSEC, BINARY, CAMERA
+from support import ARCSEC, CAMERA, InAFolder, rows_of, starloop
 
 # Single precision on the wire, time tags in microseconds, and interpolation between messages 10 ms apart.
 ATTITUDE_ARCSEC = 0.1
@@ -63,24 +59,13 @@ def angle_arcsec(a, b):
     return math.sqrt(sum((off[i][j] - off[j][i]) ** 2 for i, j in ((0, 1), (0, 2), (1, 2)))) / 2 / ARCSEC
 
 
-class InAFolder(unittest.TestCase):
-    def setUp(self):
-        self.folder = Path(tempfile.mkdtemp(prefix="starloop-motion-"))
-        self.addCleanup(shutil.rmtree, self.folder)
-
-    def starloop(self, *words):
-        done = subprocess.run([BINARY, *map(str, words)], capture_output=True, text=True, timeout=600)
-        self.assertEqual(done.returncode, 0, done.stderr)
-        return done.stdout
-
+class Moving(InAFolder):
     def fly(self, text, at="ra_deg = 83.0\ndec_deg = -1.0\nroll_deg = 20.0", duration_s=3.0):
         """Rows of the frames with their times after the first exposure began."""
-        bench, out = self.folder / "bench.toml", self.folder / "out"
-        bench.write_text(BENCH.format(camera=CAMERA, pointing=at, duration_s=duration_s) + text)
-        shutil.rmtree(out, ignore_errors=True)
-        self.starloop("run", bench, "--quiet", "--clock", "virtual", "--backend", "cpu", "--out", out)
-        with open(out / "frames.csv", newline="") as file:
-            rows = list(csv.DictReader(file))
+        bench = self.written("bench.toml", BENCH.format(camera=CAMERA, pointing=at, duration_s=duration_s) + text)
+        shutil.rmtree(self.out, ignore_errors=True)
+        starloop("run", bench, "--quiet", "--clock", "virtual", "--backend", "cpu", "--out", self.out, status=0)
+        rows = rows_of(self.out)
         first = int(rows[0]["mid_exposure_tai_ns"]) - 0.5e9 * float(rows[0]["exposure_s"])
         self.assertEqual(len(rows), round(10 * duration_s))
         return [((int(row["mid_exposure_tai_ns"]) - first) * 1e-9, row) for row in rows]
@@ -89,7 +74,7 @@ class InAFolder(unittest.TestCase):
         return max(angle_arcsec(matrix_of(row), attitude(t)) for t, row in frames)
 
 
-class Motions(InAFolder):
+class Motions(Moving):
     START = pointing(83.0, -1.0, 20.0)
 
     def test_a_constant_rate_goes_on_from_before_the_run(self):
@@ -154,10 +139,10 @@ class Motions(InAFolder):
         bench = self.folder / "bench.toml"
         motion = '[flight_computer.motion]\nkind = "constant_rate"\nrate_deg_s = [0.0, 3.0, 4.0]\n'
         bench.write_text(BENCH.format(camera=CAMERA, pointing="", duration_s=1.0) + motion)
-        self.assertIn("at most 5.000 deg/s", self.starloop("check", bench))
+        self.assertIn("at most 5.000 deg/s", starloop("check", bench, status=0).stdout)
 
 
-class Jitter(InAFolder):
+class Jitter(Moving):
     def write(self, seconds):
         rows = [f"{i / 2000:.4f},{30 * math.sin(2 * math.pi * 100 * i / 2000):.5f},0" for i in range(round(2000 * seconds))]
         (self.folder / "shaker.csv").write_text("t_s,x_arcsec,y_arcsec\n" + "\n".join(rows) + "\n")
@@ -183,13 +168,13 @@ class Jitter(InAFolder):
         bench = self.folder / "bench.toml"
         head = BENCH.format(camera=CAMERA, pointing="", duration_s=3.0)
         bench.write_text(head + '[jitter]\nseries = "shaker.csv"\n')
-        section = self.starloop("check", bench).partition("jitter from shaker.csv")[2].split("\n\n")[0]
+        section = starloop("check", bench, status=0).stdout.partition("jitter from shaker.csv")[2].split("\n\n")[0]
         rows = {line.split("  ")[1]: line.split() for line in section.splitlines() if line.startswith("  ")}
         whole = float(rows["all"][-3])
         self.assertAlmostEqual(whole, 30 / math.sqrt(2), delta=0.05)
         self.assertLess(float(rows["below 10 Hz"][-3]), 0.5)
         self.write(2.0)
-        done = subprocess.run([BINARY, "check", str(bench)], capture_output=True, text=True, timeout=60)
+        done = starloop("check", bench)
         self.assertNotEqual(done.returncode, 0)
         self.assertIn("at_end", done.stderr)
 

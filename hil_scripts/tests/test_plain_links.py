@@ -7,11 +7,8 @@ attitude was sent follows from its angle, and must differ from the time of its f
 
 import json
 import math
-import re
-import signal
 import socket
 import struct
-import subprocess
 import tempfile
 import threading
 import time
@@ -21,7 +18,7 @@ from pathlib import Path
 
 from astropy.io import fits
 
-from support import ARCSEC, BINARY, ROOT
+from support import ARCSEC, BINARY, ROOT, Running, product, starloop, summary_of, until
 
 # A small camera: the attitude is what counts.
 SETTINGS = ["camera=../cameras/small_tracker.toml", "timing.duration_s=120", "link.listen=0"]
@@ -35,14 +32,6 @@ START_S = time.time()
 ACROSS_ARCSEC = 0.01
 # Time that a busy machine may take from reading its clock to sending: the first frames are drawn while this is estimated.
 LATE_S = 0.05
-
-
-def product(a, b):
-    """Hamilton product."""
-    aw, ax, ay, az = a
-    bw, bx, by, bz = b
-    return (aw * bw - ax * bx - ay * by - az * bz, aw * bx + ax * bw + ay * bz - az * by,
-            aw * by - ax * bz + ay * bw + az * bx, aw * bz + ax * by - ay * bx + az * bw)
 
 
 def turned(angle):
@@ -65,50 +54,31 @@ def turn(got, first):
     return along, 2.0 * across / ARCSEC
 
 
-class Stimulator:
+class Stimulator(Running):
     """`starloop run` of configs/benches/udp.toml with other settings, until frames enough are there."""
 
     def __init__(self, folder, *settings, kind="udp"):
-        self.folder = Path(folder)
-        command = [BINARY, "run", str(ROOT / "configs/benches/udp.toml"), "--out", str(self.folder / "run")]
-        settings = [*SETTINGS, f"link.kind={kind}", *settings]
-        if any(setting.startswith("link.connect") for setting in settings):
-            raise AssertionError("a client has a file of its own")
-        for setting in settings:
-            command += ["--set", setting]
-        self.begin(command, kind)
+        assert not any(setting.startswith("link.connect") for setting in settings), "a client has a file of its own"
+        words = [word for setting in [*SETTINGS, f"link.kind={kind}", *settings] for word in ("--set", setting)]
+        self.begin(folder, ROOT / "configs/benches/udp.toml", kind, *words)
 
-    def begin(self, command, kind):
-        self.program = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        self.said, self.address = [], None
-        for line in self.program.stderr:
-            self.said.append(line)
-            if found := re.match(rf"link: {kind} at (.*):(\d+)\n", line):
-                self.address = (found[1], int(found[2]))
-                break
-        else:
-            raise AssertionError("".join(self.said))
-        # Read on, so that the program never waits for a reader.
-        self.reader = threading.Thread(target=lambda: self.said.extend(self.program.stderr))
-        self.reader.start()
-
-    def __enter__(self):
-        return self
+    def begin(self, folder, bench, kind, *words):
+        """Starts the run, and waits for the address of its link, where it has one."""
+        self.run = Path(folder) / "run"
+        super().__init__(BINARY, "run", bench, "--out", self.run, *words)
+        if kind:
+            found = self.wait_for(rf"^link: {kind} at (.*):(\d+)\n")
+            self.address = (found[1], int(found[2]))
 
     def frames(self, wanted):
         """Headers of the first frames with stars, as soon as there are so many."""
-        limit = time.monotonic() + PATIENCE_S
-        while time.monotonic() < limit:
-            time.sleep(0.2)
-            found = self.headers()
-            if len(found) >= wanted:
-                return found
-        raise AssertionError(f"{len(found)} frames in {PATIENCE_S} s: {''.join(self.said)}")
+        enough = lambda: found if len(found := self.headers()) >= wanted else None
+        return until(lambda: f"{wanted} frames: {''.join(self.said)}", enough, PATIENCE_S, every_s=0.2)
 
     def headers(self):
         """Headers of whole frames whose attitude was measured or predicted."""
         found = []
-        for path in sorted((self.folder / "run").glob("frame_*.fits")):
+        for path in sorted(self.run.glob("frame_*.fits")):
             try:
                 header = fits.getheader(path)
             except (OSError, ValueError):
@@ -119,18 +89,8 @@ class Stimulator:
 
     def stop(self):
         """The summary of the run."""
-        self.program.send_signal(signal.SIGINT)
-        self.program.stdout.read()
-        self.program.wait(timeout=PATIENCE_S)
-        return json.loads((self.folder / "run" / "summary.json").read_text())
-
-    def __exit__(self, *_):
-        if self.program.poll() is None:
-            self.program.kill()
-            self.program.wait()
-        self.reader.join()
-        self.program.stdout.close()
-        self.program.stderr.close()
+        super().stop()
+        return summary_of(self.run)
 
 
 class Sender:
@@ -376,9 +336,8 @@ class PlainLinks(unittest.TestCase):
                                  f"[timing]\nframe_rate_hz = 10.0\nduration_s = 2.0\n[link]\n{link}\n"
                                  '[sink]\nkind = "recorder"\ndirectory = "out"\n')
                 clock = "virtual" if "simulated" in link else "real"
-                command = [BINARY, "run", str(bench), "--clock", clock, "--out", str(Path(folder) / "run")]
-                done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
-                summary = json.loads((Path(folder) / "run" / "summary.json").read_text())
+                done = starloop("run", bench, "--clock", clock, "--out", Path(folder) / "run", timeout=PATIENCE_S)
+                summary = summary_of(Path(folder) / "run")
                 self.assertGreater(summary["link"]["counters"]["attitudes_accepted"], 50, done.stderr)
                 # On the real clock a busy machine may make marks late, and outliers of those after them.
                 rejects = summary["link"]["rejects"]
@@ -386,8 +345,7 @@ class PlainLinks(unittest.TestCase):
                 self.assertEqual(rejects if clock == "virtual" else plain, {})
 
     def test_real_socket_on_the_virtual_clock_is_refused(self):
-        command = [BINARY, "run", str(ROOT / "configs/benches/udp.toml"), "--clock", "virtual", "--sink", "null"]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
+        done = starloop("run", ROOT / "configs/benches/udp.toml", "--clock", "virtual", "--sink", "null")
         self.assertNotEqual(done.returncode, 0)
         self.assertIn("--clock virtual: got a bench with", done.stderr)
 
@@ -396,21 +354,13 @@ class Lines42Bench(Stimulator):
     """A bench that reads 42's lines."""
 
     def __init__(self, folder, link, needs_note=True):
-        self.folder = Path(folder)
-        bench = self.folder / "bench.toml"
+        bench = Path(folder) / "bench.toml"
         bench.write_text(f'name = "lines_42"\ncamera = "{ROOT}/configs/cameras/small_tracker.toml"\nseed = 1\n'
                          "[timing]\nframe_rate_hz = 10.0\nduration_s = 120.0\n"
                          f'[link]\nkind = "tcp"\nencoding = "42"\n{link}\n'
                          '[flight_computer]\nkind = "external"\nattitude_hz = 50.0\n'
                          '[sink]\nkind = "recorder"\ndirectory = "out"\n')
-        command = [BINARY, "run", str(bench), "--out", str(self.folder / "run")]
-        if needs_note:
-            self.begin(command, "tcp")
-        else:
-            self.program = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-            self.said = []
-            self.reader = threading.Thread(target=lambda: self.said.extend(self.program.stderr))
-            self.reader.start()
+        self.begin(folder, bench, "tcp" if needs_note else None)
 
 
 def exchange(connection, message):

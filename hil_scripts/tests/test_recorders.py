@@ -5,7 +5,6 @@ memory by another process, through iceoryx2 with that project's own Python packa
 (default target/release/starloop), built with --features iceoryx2.
 """
 
-import csv
 import ctypes
 import json
 import os
@@ -14,19 +13,17 @@ import shutil
 import signal
 import struct
 import subprocess
-import tempfile
 import time
 import unittest
 import zlib
 from datetime import datetime, timedelta
-from pathlib import Path
 
 import iceoryx2
 import numpy
 from astropy.io import fits
 from astropy.time import Time
 
-from support import BINARY, ROOT, bench_text
+from support import BINARY, ROOT, InAFolder, bench_text, rows_of, starloop, summary_of
 from starloop.iceoryx_frames import SILENCE_S, FrameHead, IceoryxFrames
 from starloop.shared_frames import SharedFrames
 
@@ -35,19 +32,14 @@ FRAME_BYTES = 2 * SIDE_PX * SIDE_PX
 SER_RECORDER = '[sink]\nkind = "recorder"\nfits = false\nser = true\n'
 
 
-def command(folder, sinks, *words):
+def words_of(folder, sinks, *words):
     bench = folder / "bench.toml"
     bench.write_text(bench_text("recorders") + sinks)
-    return [BINARY, "run", str(bench), "--quiet", "--backend", "cpu", "--out", str(folder / "run"), *words]
+    return ["run", str(bench), "--quiet", "--backend", "cpu", "--out", str(folder / "run"), *words]
 
 
 def run(folder, sinks, *words, **options):
-    return subprocess.run(command(folder, sinks, *words), capture_output=True, text=True, timeout=120, **options)
-
-
-def rows(directory):
-    with open(directory / "frames.csv", newline="") as file:
-        return list(csv.DictReader(file))
+    return starloop(*words_of(folder, sinks, *words), **options)
 
 
 def crc32_of(pixels):
@@ -80,20 +72,14 @@ class Ser:
         return datetime(1, 1, 1) + timedelta(microseconds=ticks // 10)
 
 
-class Recorders(unittest.TestCase):
-    def setUp(self):
-        self.folder = Path(tempfile.mkdtemp(prefix="starloop-recorders-"))
-        self.addCleanup(shutil.rmtree, self.folder)
-        self.out = self.folder / "run"
-
+class Recorders(InAFolder):
     def summary(self):
-        return json.loads((self.out / "summary.json").read_text())
+        return summary_of(self.out)
 
     def test_astropy_reads_every_frame_with_its_truth(self):
         sinks = '[sink]\nkind = "recorder"\npng_every = 2\n'
-        done = run(self.folder, sinks, "--clock", "virtual", "--duration", "1")
-        self.assertEqual(done.returncode, 0, done.stderr)
-        listed = rows(self.out)
+        run(self.folder, sinks, "--clock", "virtual", "--duration", "1", status=0)
+        listed = rows_of(self.out)
         self.assertEqual(len(listed), 10)
         for row in listed:
             path = self.out / f"frame_{int(row['frame']):06}.fits"
@@ -126,9 +112,8 @@ class Recorders(unittest.TestCase):
         self.assertNotEqual(crc32_of(changed), row["pixel_crc32"], "control: one bit of one pixel")
 
     def test_a_sequence_has_the_frames_and_their_times(self):
-        done = run(self.folder, SER_RECORDER, "--clock", "virtual", "--duration", "1")
-        self.assertEqual(done.returncode, 0, done.stderr)
-        ser, listed = Ser(self.out / "frames.ser"), rows(self.out)
+        run(self.folder, SER_RECORDER, "--clock", "virtual", "--duration", "1", status=0)
+        ser, listed = Ser(self.out / "frames.ser"), rows_of(self.out)
         self.assertEqual(ser.head, {"lu_id": 0, "color_id": 0, "order": 0, "width": SIDE_PX, "height": SIDE_PX,
                                     "bits": 16, "count": 10})
         self.assertEqual([crc32_of(frame) for frame in ser.frames], [row["pixel_crc32"] for row in listed])
@@ -142,8 +127,7 @@ class Recorders(unittest.TestCase):
 
     @unittest.skipUnless(shutil.which("siril-cli"), "no siril-cli: apt-get install --no-install-recommends siril")
     def test_siril_reads_the_sequence(self):
-        done = run(self.folder, SER_RECORDER, "--clock", "virtual", "--duration", "0.5")
-        self.assertEqual(done.returncode, 0, done.stderr)
+        run(self.folder, SER_RECORDER, "--clock", "virtual", "--duration", "0.5", status=0)
         # Siril reads every frame, cuts a window out of it, and writes a SER file of its own.
         x, y, width, height = 40, 24, 160, 120
         script = self.folder / "cut.ssf"
@@ -164,14 +148,14 @@ class Recorders(unittest.TestCase):
         self.assertEqual(cut.trailer, ours.trailer)
 
     def test_a_killed_run_leaves_a_sequence_with_a_true_count(self):
-        running = subprocess.Popen(command(self.folder, SER_RECORDER, "--duration", "60"))
+        running = subprocess.Popen((BINARY, *words_of(self.folder, SER_RECORDER, "--duration", "60")))
         ser = self.out / "frames.ser"
         while not (ser.exists() and ser.stat().st_size > 178 + 5 * FRAME_BYTES):
             self.assertIsNone(running.poll(), "it runs")
             time.sleep(0.01)
         running.send_signal(signal.SIGKILL)
         running.wait()
-        left, listed = Ser(ser), rows(self.out)
+        left, listed = Ser(ser), rows_of(self.out)
         self.assertGreaterEqual(left.head["count"], 5)
         # A frame is in the sequence before it is in the list.
         self.assertIn(left.head["count"] - len(listed), (0, 1))
@@ -186,8 +170,7 @@ class Recorders(unittest.TestCase):
 
         # restore_signals would make the limit a signal, which kills, instead of an error.
         sinks = SER_RECORDER + '[[extra_sink]]\nkind = "null"\n'
-        done = run(self.folder, sinks, "--duration", "2", preexec_fn=limit, restore_signals=False)
-        self.assertEqual(done.returncode, 5, done.stderr)
+        done = run(self.folder, sinks, "--duration", "2", preexec_fn=limit, restore_signals=False, status=5)
         self.assertIn("frames.ser could not be written", done.stderr)
         summary = self.summary()
         recorder, null = summary["sinks"]
@@ -198,14 +181,14 @@ class Recorders(unittest.TestCase):
         self.assertEqual(recorder["frames"] + recorder["refused"] + recorder["dropped"], summary["frames"]["delivered"])
         self.assertEqual(null["frames"] + null["dropped"], summary["frames"]["delivered"])
         self.assertEqual(summary["event_counts"]["sink_refused"], recorder["refused"])
-        ser, listed = Ser(self.out / "frames.ser"), rows(self.out)
+        ser, listed = Ser(self.out / "frames.ser"), rows_of(self.out)
         self.assertEqual([crc32_of(frame) for frame in ser.frames], [row["pixel_crc32"] for row in listed])
         self.assertEqual(len(ser.trailer), 7, "and it includes their times")
 
     def test_another_process_gets_the_bits_that_are_recorded(self):
         ring_path = self.folder / "ring"
         sinks = f'[sink]\nkind = "recorder"\n[[extra_sink]]\nkind = "shared_memory"\npath = "{ring_path}"\nslots = 16\n'
-        running = subprocess.Popen(command(self.folder, sinks, "--duration", "3"))
+        running = subprocess.Popen((BINARY, *words_of(self.folder, sinks, "--duration", "3")))
         while not (ring_path.exists() and ring_path.stat().st_size > 16 * FRAME_BYTES):
             self.assertIsNone(running.poll(), "it runs")
             time.sleep(0.01)
@@ -220,7 +203,7 @@ class Recorders(unittest.TestCase):
             last = [frame.head["frame"] for frame in late.frames()]
             self.assertEqual((len(last), late.missed), (16, published - 16), "a slow reader knows what it missed")
         reported = {head["frame"]: f"{head['pixel_crc32']:08x}" for head in frames}
-        listed = {int(row["frame"]): row for row in rows(self.out)}
+        listed = {int(row["frame"]): row for row in rows_of(self.out)}
         self.assertEqual(len(reported) + ring.missed, published)
         common = reported.keys() & listed.keys()
         self.assertGreater(len(common), 10)
@@ -237,7 +220,7 @@ class Recorders(unittest.TestCase):
     def test_an_iceoryx2_reader_gets_the_bits_that_are_recorded(self):
         service = f"starloop/test/{os.getpid()}"
         sinks = f'[sink]\nkind = "recorder"\n[[extra_sink]]\nkind = "iceoryx2"\nservice = "{service}"\nslots = 16\n'
-        running = subprocess.Popen(command(self.folder, sinks, "--duration", "4"), stderr=subprocess.PIPE, text=True)
+        running = subprocess.Popen((BINARY, *words_of(self.folder, sinks, "--duration", "4")), stderr=subprocess.PIPE, text=True)
         self.addCleanup(running.stderr.close)
         reader = None
         while reader is None:
@@ -253,7 +236,7 @@ class Recorders(unittest.TestCase):
         with reader:
             frames = list(reader.frames())
         self.assertEqual(running.wait(), 0)
-        listed = {int(row["frame"]): row for row in rows(self.out)}
+        listed = {int(row["frame"]): row for row in rows_of(self.out)}
         self.assertGreater(len(frames), 10)
         self.assertEqual([frame.head.frame for frame in frames], sorted({frame.head.frame for frame in frames}))
         for head, pixels in frames:
@@ -287,10 +270,9 @@ class Recorders(unittest.TestCase):
     def test_a_recorder_beside_the_first_sink_writes_where_it_says(self):
         disk = self.folder / "other disk"
         sinks = SER_RECORDER + f'[[extra_sink]]\nkind = "recorder"\ndirectory = "{disk}"\n'
-        done = run(self.folder, sinks, "--clock", "virtual", "--duration", "1")
-        self.assertEqual(done.returncode, 0, done.stderr)
+        run(self.folder, sinks, "--clock", "virtual", "--duration", "1", status=0)
         place = disk / self.out.name
-        self.assertEqual(rows(place), rows(self.out))
+        self.assertEqual(rows_of(place), rows_of(self.out))
         self.assertEqual(len(list(place.glob("*.fits"))), 10)
         self.assertEqual(list(self.out.glob("extra*")), [])
         reported = {sink["place"]: sink["output"] for sink in self.summary()["sinks"]}
@@ -316,10 +298,10 @@ class Recorders(unittest.TestCase):
         self.assertEqual([sink["place"] for sink in report["sinks"]], places)
         crc32s = []
         for head in range(3):
-            listed = rows(self.out / f"head{head}")
+            listed = rows_of(self.out / f"head{head}")
             frames = [crc32_of(frame) for frame in Ser(self.out / f"head{head}/frames.ser").frames]
             self.assertEqual(frames, [row["pixel_crc32"] for row in listed])
-            self.assertEqual(rows(self.out / f"head{head}/extra_sink_0"), listed)
+            self.assertEqual(rows_of(self.out / f"head{head}/extra_sink_0"), listed)
             self.assertGreater(len(frames), 4)
             crc32s.append(tuple(frames))
         self.assertEqual(len(set(crc32s)), 3, "each head sees another sky")
@@ -329,8 +311,7 @@ class Recorders(unittest.TestCase):
         bits = []
         for number in range(2):
             self.out = self.folder / "run"
-            done = run(self.folder, sinks, "--clock", "virtual", "--duration", "1")
-            self.assertEqual(done.returncode, 0, done.stderr)
+            run(self.folder, sinks, "--clock", "virtual", "--duration", "1", status=0)
             lines = [(sink["place"], sink["frames"], sink["run_crc32"]) for sink in self.summary()["sinks"]]
             self.assertEqual([line[1] for line in lines], [10, 10, 10])
             bits.append((lines, (self.out / "frames.ser").read_bytes()))

@@ -11,12 +11,10 @@ import html.parser
 import json
 import re
 import shutil
-import subprocess
-import tempfile
 import unittest
 from pathlib import Path
 
-from support import BINARY, CAMERA, ROOT, bench_text
+from support import BINARY, CAMERA, ROOT, InAFolder, bench_text, starloop, summary_of
 
 MOST_BYTES = 300_000
 LOST = 5
@@ -107,29 +105,21 @@ def faults_of_events(text, counts):
     return faults
 
 
-class Report(unittest.TestCase):
-    def setUp(self):
-        self.folder = Path(tempfile.mkdtemp(prefix="starloop-report-"))
-        self.addCleanup(shutil.rmtree, self.folder)
-        self.out = self.folder / "run"
-
-    def fly(self, *words, text=None):
+class Report(InAFolder):
+    def fly(self, *words, text=None, **options):
         if text is not None:
-            (self.folder / "bench.toml").write_text(text)
-            words = (str(self.folder / "bench.toml"), *words)
-        command = [BINARY, "run", *words, "--clock", "virtual", "--backend", "cpu"]
-        return subprocess.run(command, capture_output=True, text=True, timeout=600, cwd=self.folder)
+            words = (self.written("bench.toml", text), *words)
+        return starloop("run", *words, "--clock", "virtual", "--backend", "cpu", cwd=self.folder, **options)
 
     def page(self):
         return (self.out / "report.html").read_text()
 
     def counts(self):
-        return json.loads((self.out / "summary.json").read_text())["event_counts"]
+        return summary_of(self.out)["event_counts"]
 
     def test_recorded_run_says_where_it_comes_from_and_how_it_went(self):
         text = bench_text("report") + RECORDER
-        done = self.fly("--out", str(self.out), "--duration", "2", text=text)
-        self.assertEqual(done.returncode, 0, done.stderr)
+        self.fly("--out", str(self.out), "--duration", "2", text=text, status=0)
         wrong, compared = wrong_hashes(self.out)
         self.assertEqual(wrong, [])
         self.assertLessEqual({"bench.toml", CAMERA.name}, set(compared))
@@ -148,8 +138,7 @@ class Report(unittest.TestCase):
         self.assertEqual(faults_of_events((self.out / "events.jsonl").read_text(), self.counts()), [])
 
     def test_checks_find_damaged_files(self):
-        done = self.fly("--out", str(self.out), "--duration", "1", text=bench_text("report") + RECORDER)
-        self.assertEqual(done.returncode, 0, done.stderr)
+        self.fly("--out", str(self.out), "--duration", "1", text=bench_text("report") + RECORDER, status=0)
         page, verdict = self.page(), "ok: 10 of 10 frames"
         self.assertEqual(faults_of_page(page, verdict), [], "control")
         damaged = {
@@ -187,8 +176,7 @@ class Report(unittest.TestCase):
             self.assertRegex(page, rf"<td>{re.escape(kind)}</td><td>{counts[kind]}</td>")
 
     def test_run_without_a_folder_writes_nothing(self):
-        done = self.fly("--duration", "1", text=bench_text("report") + '[sink]\nkind = "null"\n')
-        self.assertEqual(done.returncode, 0, done.stderr)
+        self.fly("--duration", "1", text=bench_text("report") + '[sink]\nkind = "null"\n', status=0)
         self.assertEqual([path.name for path in self.folder.iterdir()], ["bench.toml"])
 
     def test_page_or_events_that_cannot_be_written_are_a_loss_of_the_run(self):

@@ -6,17 +6,13 @@ single precision: their frames show the slew to the accuracy of the wire. UDP, T
 test_plain_links.py. STARLOOP_BINARY names the program (default target/release/starloop). Needs fmpy.
 """
 
-import csv
 import math
-import subprocess
-import tempfile
 import unittest
-from pathlib import Path
 
 from fmpy import extract, read_model_description
 from fmpy.fmi3 import FMU3Slave
 
-from support import ARCSEC, BINARY, ROOT
+from support import ARCSEC, BINARY, CAMERA, InAFolder, rows_of, starloop
 from starloop.client import Starloop, attitude_sample
 
 BENCH = """
@@ -48,26 +44,13 @@ def off_arcsec(wxyz, t_s, rate=1.0):
     return 2.0 * near / ARCSEC
 
 
-class SameSlew(unittest.TestCase):
-    def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.here = Path(folder.name)
-
+class SameSlew(InAFolder):
     def bench(self, rest):
-        path = self.here / "bench.toml"
-        path.write_text(BENCH.format(camera=ROOT / "configs/cameras/small_tracker.toml", rest=rest))
-        return path
-
-    def starloop(self, *words):
-        done = subprocess.run([BINARY, *map(str, words)], capture_output=True, text=True, timeout=120)
-        self.assertEqual(done.returncode, 0, done.stderr)
+        return self.written("bench.toml", BENCH.format(camera=CAMERA, rest=rest))
 
     def frames(self, folder):
         """Number, pixels' checksum, attitude and seconds after the first exposure of each recorded frame."""
-        with open(next(folder.rglob("frames.csv"))) as table:
-            rows = list(csv.DictReader(line for line in table if not line.startswith("#")))
-        return {int(row["frame"]): row for row in rows}
+        return {int(row["frame"]): row for row in rows_of(next(folder.rglob("frames.csv")))}
 
     def lockstep(self, rate=1.0):
         """Frames in lockstep: number to checksum, attitude and time."""
@@ -85,8 +68,8 @@ class SameSlew(unittest.TestCase):
 
     def unit(self):
         """Frames of a co-simulation unit: number to attitude and time; their pixels are in the folder."""
-        fmu, out, seen = self.here / "slew.fmu", self.here / "unit", {}
-        self.starloop("fmu", self.bench('[sink]\nkind = "recorder"\n'), "--out", fmu)
+        fmu, out, seen = self.folder / "slew.fmu", self.folder / "unit", {}
+        starloop("fmu", self.bench('[sink]\nkind = "recorder"\n'), "--out", fmu, status=0)
         model, unzipped = read_model_description(str(fmu)), extract(str(fmu))
         name = {variable.name: variable.valueReference for variable in model.modelVariables}
         unit = FMU3Slave(
@@ -129,20 +112,20 @@ class SameSlew(unittest.TestCase):
     def test_files_show_the_slew_to_the_accuracy_of_the_wire(self):
         rows = [(k * STEP_S, *slew(k * STEP_S)[0]) for k in range(-5, COUNT + 5)]
         lines = ["t_s,q_w,q_x,q_y,q_z"] + [",".join(f"{value:.15g}" for value in row) for row in rows]
-        (self.here / "slew.csv").write_text("\n".join(lines) + "\n")
-        self.starloop("run", self.bench('[plant]\nkind = "file"\nattitude = "slew.csv"\n'), "--clock", "virtual",
-                      "--out", self.here / "from_table")
-        self.starloop("export", self.here / "from_table", "--attitude", self.here / "slew.aem")
+        (self.folder / "slew.csv").write_text("\n".join(lines) + "\n")
+        bench = self.bench('[plant]\nkind = "file"\nattitude = "slew.csv"\n')
+        starloop("run", bench, "--clock", "virtual", "--out", self.folder / "from_table", status=0)
+        starloop("export", self.folder / "from_table", "--attitude", self.folder / "slew.aem", status=0)
         # The file begins in the middle of the first exposure and ends in that of the last one.
         limits = "[expect]\nblank_frames_at_start_at_most = 1\nblank_frames_at_most = 1\nheld_attitude_frames_at_most = 1\n"
-        self.starloop("run", self.bench(f'[plant]\nkind = "file"\nattitude = "slew.aem"\n{limits}'), "--clock", "virtual",
-                      "--out", self.here / "from_aem")
+        bench = self.bench(f'[plant]\nkind = "file"\nattitude = "slew.aem"\n{limits}')
+        starloop("run", bench, "--clock", "virtual", "--out", self.folder / "from_aem", status=0)
         for name in ("from_table", "from_aem"):
-            frames = self.frames(self.here / name)
+            frames = self.frames(self.folder / name)
             # An AEM of what was rendered begins with the middle of the first exposure.
             inner = [row for number, row in frames.items() if 1 <= number <= 18]
             self.assertGreater(len(inner), 15)
-            first = self.frames(self.here / "from_table")[0]
+            first = self.frames(self.folder / "from_table")[0]
             for row in inner:
                 wxyz = [float(row[f"q{axis}"]) for axis in "wxyz"]
                 since_s = (int(row["mid_exposure_tai_ns"]) - int(first["mid_exposure_tai_ns"])) * 1e-9

@@ -8,21 +8,18 @@ STARLOOP_CHROMIUM the browser (default chromium). Needs python-can and cantools 
 import http.server
 import json
 import math
-import os
 import re
 import socket
-import subprocess
-import tempfile
 import threading
 import time
 import unittest
 from pathlib import Path
 
-from support import BINARY, ROOT
+from support import BINARY, PATIENCE_S, ROOT, InAFolder, Running
 from starloop import flight_computer
 from starloop.client import Starloop
 from starloop.wire import CanTransport, Codec
-from test_flight import PATIENCE_S, Stimulator
+import test_flight as flights
 from test_live import CHROMIUM, Browser
 
 # Both the page and the ports are on loopback; newer browsers may ask the user all the same, and then nothing would be sent.
@@ -157,9 +154,7 @@ class Gateways(unittest.TestCase):
         """The errors of a flight that was disturbed in its middle, arcsec; whether its attitudes were drawn afterwards; the
         run's summary."""
         # Whether frames are in time is not what is examined.
-        settings = ("link.slcan_tcp=0", "link.socketcand=0", "timing.frame_rate_hz=4", "timing.deadline_policy=late")
-        with Stimulator("gateways.toml", *settings) as stimulator:
-            stimulator.wait_for("socketcand at")
+        with flights.Gateways("timing.frame_rate_hz=4", "timing.deadline_policy=late") as stimulator:
             flight = Flight(stimulator)
             try:
                 self.assertTrue(flight.wait_for_frames(LEAST_FRAMES), "it flies")
@@ -210,22 +205,16 @@ class Gateways(unittest.TestCase):
                 self.assertNotIn("times: ", text, "nothing was refused")
 
 
-class Control(unittest.TestCase):
+class Control(InAFolder):
     def setUp(self):
-        self.folder = tempfile.TemporaryDirectory()
-        self.addCleanup(self.folder.cleanup)
+        super().setUp()
         scenario = ROOT / "configs/scenarios/acquisition.toml"
         settings = ["--set", "duration_s=3.0", "--set", "bench.camera=../cameras/small_tracker.toml", "--set", "expect.window_s=1.0"]
-        command = [BINARY, "run", str(scenario), "--clock", "virtual", "--quiet", "--control", "127.0.0.1:0"]
-        out = ["--out", os.path.join(self.folder.name, "out")]
-        self.program = subprocess.Popen([*command, *out, *settings], stderr=subprocess.PIPE, text=True)
-        self.addCleanup(self.program.stderr.close)
-        self.addCleanup(self.program.wait)
-        self.addCleanup(self.program.kill)
-        self.port = int(self.program.stderr.readline().rsplit(":", 1)[1])
-        self.token = re.match(r"control: token ([0-9a-f]{32}), ", self.program.stderr.readline())[1]
-        self.victim = Path(self.folder.name, "victim.txt")
-        self.victim.write_text("precious")
+        command = [BINARY, "run", scenario, "--clock", "virtual", "--quiet", "--control", "127.0.0.1:0", "--out", self.out, *settings]
+        program = self.enterContext(Running(*command))
+        self.port = int(program.wait_for(r"^control: listening on .*:(\d+)")[1])
+        self.token = program.wait_for("^control: token ([0-9a-f]{32}), ")[1]
+        self.victim = Path(self.written("victim.txt", "precious"))
 
     def body(self):
         requests = [{"request": "step", "frames": 1}]
@@ -243,7 +232,7 @@ class Control(unittest.TestCase):
             self.assertEqual(loop.hello["now_s"], -1.0, "without a step: a run starts a second before its first exposure")
             report = loop.finish()
         self.assertEqual(self.victim.read_text(), "precious")
-        self.assertFalse(Path(self.folder.name, "out", "page.fits").exists())
+        self.assertFalse((self.out / "page.fits").exists())
         self.assertGreaterEqual(report["control_refusals"]["http_request"], 2)
 
     def test_the_same_body_behind_the_token_is_obeyed_below_the_output_folder(self):
@@ -253,7 +242,7 @@ class Control(unittest.TestCase):
             answers = [json.loads(replies.readline()) for _ in range(4)]
         self.assertEqual([answer["ok"] for answer in answers], [True, True, False, True], answers)
         self.assertEqual(self.victim.read_text(), "precious")
-        self.assertTrue(Path(self.folder.name, "out", "page.fits").exists())
+        self.assertTrue((self.out / "page.fits").exists())
 
 
 if __name__ == "__main__":

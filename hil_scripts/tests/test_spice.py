@@ -5,18 +5,13 @@ STARLOOP_BINARY names the program (default target/release/starloop), built with 
 hil_scripts/requirements_interop.txt.
 """
 
-import csv
 import math
-import shutil
-import subprocess
-import tempfile
 import unittest
-from pathlib import Path
 
 import numpy
 import spiceypy
 
-from support import BINARY, CAMERA
+from support import CAMERA, InAFolder, rows_of, starloop
 
 LSK = """KPL/LSK
 
@@ -65,17 +60,11 @@ SPACECRAFT, INSTRUMENT, EARTH = -82, -82000, 399
 TICK_S = 1 / 65536
 
 
-class Spice(unittest.TestCase):
+class Spice(InAFolder):
     def setUp(self):
-        self.folder = Path(tempfile.mkdtemp(prefix="starloop-spice-"))
-        self.addCleanup(shutil.rmtree, self.folder)
+        super().setUp()
         self.addCleanup(spiceypy.kclear)
         spiceypy.kclear()
-
-    def starloop(self, *words):
-        done = subprocess.run([BINARY, *map(str, words)], capture_output=True, text=True, timeout=300)
-        self.assertEqual(done.returncode, 0, done.stderr)
-        return done.stdout
 
     def clocks(self, system):
         (self.folder / "leap.tls").write_text(LSK)
@@ -138,9 +127,8 @@ class Spice(unittest.TestCase):
         found = []
         for what in ("attitude", "observer"):
             path = self.folder / f"{what}.csv"
-            self.starloop("export", bench, f"--{what}", path, "--force")
-            lines = [line for line in path.read_text().splitlines() if not line.startswith("#")]
-            found.append(list(csv.DictReader(lines)))
+            starloop("export", bench, f"--{what}", path, "--force", status=0)
+            found.append(rows_of(path))
         return found
 
     def et(self, row):
@@ -266,7 +254,7 @@ class Spice(unittest.TestCase):
         out = self.folder / "row.fits"
         words = ["render", "--camera", CAMERA, "--attitudes", self.folder / "a.bc", "--every", "20", "--out", out]
         text_kernels = ["--kernel", self.folder / "clock.tsc", "--kernel", self.folder / "leap.tls"]
-        said = self.starloop(*words, *text_kernels, "--naif-id", INSTRUMENT)
+        said = starloop(*words, *text_kernels, "--naif-id", INSTRUMENT, status=0).stdout
         images = sorted(self.folder.glob("row_*.fits"))
         self.assertEqual(len(images), 5, said)
         heads = [image.read_bytes()[:28800].decode("latin-1") for image in images]
@@ -277,7 +265,7 @@ class Spice(unittest.TestCase):
             wanted = spiceypy.m2q(matrix)
             got = numpy.array([float(head[f"Q{part}"]) for part in "WXYZ"])
             self.assertLess(min(abs(got - wanted).max(), abs(got + wanted).max()), 1e-7)
-        refused = subprocess.run([BINARY, *map(str, words)], capture_output=True, text=True, timeout=60)
+        refused = starloop(*words)
         self.assertNotEqual(refused.returncode, 0)
         self.assertIn("SCLK", refused.stderr, "without its clock")
 
@@ -286,7 +274,7 @@ class Spice(unittest.TestCase):
         self.write_ck(3)
         bench = self.folder / "bench.toml"
         bench.write_text(BENCH.format(camera=CAMERA, orbit=self.write_spk(9)).replace('["clock.tsc", "leap.tls"]', '["leap.tls"]'))
-        done = subprocess.run([BINARY, "check", str(bench)], capture_output=True, text=True, timeout=60)
+        done = starloop("check", bench)
         self.assertNotEqual(done.returncode, 0)
         self.assertIn("SCLK_DATA_TYPE_82", done.stderr)
         self.assertIn("plant.kernels is leap.tls", done.stderr)

@@ -6,9 +6,7 @@ These are compared with the end points that the program reports for each streak,
 STARLOOP_BINARY names the program (default target/release/starloop).
 """
 
-import csv
 import math
-import subprocess
 import tempfile
 import tomllib
 import unittest
@@ -22,7 +20,7 @@ from skyfield.constants import AU_KM, DAY_S
 from skyfield.relativity import add_aberration
 from skyfield.vectorlib import VectorFunction
 
-from support import BINARY, ROOT
+from support import ROOT, folder_for, rows_of, starloop
 
 BENCH = ROOT / "configs/benches/target_crossing.toml"
 SECOND_OBSERVER = (  # invented, as the target's: 550 km high, on nearly the way of the bench's circle
@@ -160,14 +158,7 @@ def observer_lines():
 
 
 def run(bench):
-    words = [BINARY, "run", str(bench), "--clock", "virtual", "--backend", "cpu"]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr
-
-
-def rows(path):
-    with path.open() as file:
-        return list(csv.DictReader(file))
+    starloop("run", bench, "--clock", "virtual", "--backend", "cpu", status=0)
 
 
 class Recording:
@@ -176,12 +167,12 @@ class Recording:
     def __init__(self, folder, exposure_s):
         self.frames = []
         for path in sorted(folder.rglob("*.targets.csv")):
-            [row] = rows(path)
+            [row] = rows_of(path)
             image = path.with_name(path.name.replace("targets.csv", "fits"))
             truth = path.with_name(path.name.replace("targets.csv", "truth.csv"))
             with fits.open(image) as file:
                 header, pixels = file[0].header, file[0].data.astype(float)
-            [smear] = [star for star in rows(truth) if star["kind"] == "target"]
+            [smear] = [star for star in rows_of(truth) if star["kind"] == "target"]
             mid_ns = int(header["MID_NS"])
             ends = [tai(mid_ns + round(side * exposure_s * 5e8)) for side in (-1, 1)]
             reported = [numpy.array([float(row[f"x_{end}_px"]), float(row[f"y_{end}_px"])]) for end in ("begin", "end")]
@@ -236,8 +227,7 @@ class Crossing(unittest.TestCase):
 
     @classmethod
     def setUpClass(cls):
-        cls.folder = tempfile.TemporaryDirectory()
-        root = Path(cls.folder.name)
+        root = folder_for(cls)
         cls.bench = tomllib.loads(BENCH.read_text())
         cls.camera = tomllib.loads((BENCH.parent / cls.bench["camera"]).read_text())
         cls.exposure_s = cls.camera["exposure"]["exposure_s"]
@@ -254,10 +244,6 @@ class Crossing(unittest.TestCase):
             "circle": Circle(cls.bench["observer"], cls.first),
             "elements": EarthSatellite(*SECOND_OBSERVER, None, TIME),
         }
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.folder.cleanup()
 
     def wanted(self, name, t, target=None, **left_out):
         computer = self.bench["flight_computer"]
@@ -354,8 +340,7 @@ class Geostationary(unittest.TestCase):
 
 class Check(unittest.TestCase):
     def test_check_reports_the_crossing(self):
-        done = subprocess.run([BINARY, "check", str(BENCH)], capture_output=True, text=True, timeout=300)
-        self.assertEqual(done.returncode, 0, done.stderr)
+        done = starloop("check", BENCH, status=0)
         [line] = [line for line in done.stdout.splitlines() if line.strip().startswith("90001 ")]
         self.assertTrue(line.endswith("sunlit"), line)
 
@@ -378,7 +363,7 @@ class Check(unittest.TestCase):
                 ("absent", [(lines, 'file = "many.tle"\nnorad_id = 5')], "number 5, got none among 2"),
             ]:
                 bench = bench_with(root, case, *changes)
-                done = subprocess.run([BINARY, "check", str(bench)], capture_output=True, text=True, timeout=60)
+                done = starloop("check", bench)
                 self.assertNotEqual(done.returncode, 0, case)
                 self.assertIn(wanted, done.stderr)
                 self.assertIn("target[0]", done.stderr)

@@ -9,10 +9,10 @@ themselves, and exact on the virtual clock. Every comparison has a control: a tr
 """
 
 import contextlib
-import csv
 import json
 import math
 import os
+import re
 import shutil
 import signal
 import socket
@@ -31,7 +31,7 @@ import serial
 import xxhash
 from spacepackets.ecss import PusTc, PusTm
 
-from support import ARCSEC, BINARY, PATIENCE_S, ROOT, bench_text, until
+from support import ARCSEC, BINARY, PATIENCE_S, ROOT, Running, bench_text, product, rows_of, starloop, summary_of, until
 from starloop.client import Starloop, attitude_sample
 
 EDS = ROOT / "src/telemetry/canopen/starloop_tracker.eds"
@@ -72,9 +72,7 @@ def text(outs, more=SLEW, duration_s=5):
 
 def truths(folder):
     """Frames of a recording: number, TAI ns of mid-exposure, w x y z."""
-    with open(Path(folder) / "frames.csv", newline="") as file:
-        rows = csv.DictReader(file)
-        return [(int(row["frame"]), int(row["mid_exposure_tai_ns"]), [float(row[f"q{part}"]) for part in "wxyz"]) for row in rows]
+    return [(int(row["frame"]), int(row["mid_exposure_tai_ns"]), [float(row[f"q{part}"]) for part in "wxyz"]) for row in rows_of(folder)]
 
 
 def off_by(q, truth):
@@ -86,7 +84,7 @@ def conjugate(q):
     return [q[0], -q[1], -q[2], -q[3]]
 
 
-class Run:
+class Run(Running):
     """A run on the real clock; as a context it ends with it."""
 
     def __init__(self, folder, outs, duration_s=12, more=SLEW):
@@ -94,41 +92,24 @@ class Run:
         bench = self.folder / "bench.toml"
         bench.write_text(text(outs, more, duration_s))
         self.out = self.folder / "run"
-        command = [BINARY, "run", str(bench), "--out", str(self.out)]
-        self.log = open(self.folder / "log", "w+")
-        self.process = subprocess.Popen(command, stdout=self.log, stderr=subprocess.STDOUT)
-
-    def __enter__(self):
-        return self
+        super().__init__(BINARY, "run", bench, "--out", self.out)
 
     def __exit__(self, *_):
-        self.stop()
-
-    def said(self):
-        return (self.folder / "log").read_text()
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+        self.ended()
 
     def line(self, begin):
         """Waits for a line of the run that begins so, and returns the rest of it."""
-        def found():
-            if self.process.poll() is not None and begin not in self.said():
-                raise AssertionError(self.said())
-            return [line[len(begin):] for line in self.said().splitlines() if line.startswith(begin)]
-        return until(f"a line {begin!r}", found)[0]
-
-    def stop(self):
-        if self.process.poll() is None:
-            self.process.send_signal(signal.SIGINT)
-        self.process.wait(timeout=PATIENCE_S)
-        self.log.close()
+        return self.wait_for(f"^{re.escape(begin)}(.*)")[1]
 
     def end(self):
         """Waits for the end; returns the counts of the first tracker."""
-        self.process.wait(timeout=PATIENCE_S)
+        self.ended()
         return self.row()
 
     def row(self, number=0):
-        summary = json.loads((self.out / "summary.json").read_text())
-        return next(row for row in summary["sinks"] if row["place"] == f"tracker_out[{number}]")
+        return next(row for row in summary_of(self.out)["sinks"] if row["place"] == f"tracker_out[{number}]")
 
 
 class Slip:
@@ -182,9 +163,7 @@ class VirtualClock(unittest.TestCase):
         bench = Path(folder) / "bench.toml"
         bench.write_text(text(outs, more))
         out = Path(folder) / "run"
-        command = [BINARY, "run", str(bench), "--clock", "virtual", "--out", str(out), *settings]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
-        self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+        starloop("run", bench, "--clock", "virtual", "--out", out, *settings, status=0)
         return out
 
     @staticmethod
@@ -247,7 +226,7 @@ class VirtualClock(unittest.TestCase):
             by_tag, errors = {tag: q for _, tag, q in truths(first)}, []
             reports = [json.loads(data) for _, _, data in self.lines(first / "t.txt")]
             for got in reports:
-                w, *xyz = multiplied(got["q_wxyz"], conjugate(by_tag[got["tai_ns"]]))
+                w, *xyz = product(got["q_wxyz"], conjugate(by_tag[got["tai_ns"]]))
                 errors.append([2 * math.copysign(1, w) * part / ARCSEC for part in xyz])
             rms = [math.sqrt(sum(error[axis] ** 2 for error in errors) / len(errors)) for axis in range(3)]
             # Noise of 0.2 and 1.6 arcsec as the tracker expects it, and the errors of places on their pixels.
@@ -266,8 +245,7 @@ class VirtualClock(unittest.TestCase):
             out = self.run_to(folder, outs)
             frames, beats, late = ([(at, json.loads(data)) for at, _, data in self.lines(out / f"{name}.txt")]
                                    for name in ("frames", "beats", "late"))
-            with open(out / "frames.csv", newline="") as file:
-                true = [[float(row[f"rate_{axis}_deg_s"]) for axis in "xyz"] for row in csv.DictReader(file)]
+            true = [[float(row[f"rate_{axis}_deg_s"]) for axis in "xyz"] for row in rows_of(out)]
             self.assertIsNone(frames[0][1]["rate_deg_s"], "one attitude has no rate")
             for number in range(1, 50):
                 rate = frames[number][1]["rate_deg_s"]
@@ -302,7 +280,7 @@ class VirtualClock(unittest.TestCase):
         more = {"drop": "", "corrupt": "", "freeze": "", "invalid": "", "bias": "bias_arcsec = [0.0, 60.0, 0.0]", "late": "late_ms = 33.0"}
         with tempfile.TemporaryDirectory() as folder:
             out = self.run_to(folder, [fault(kind, keys) for kind, keys in more.items()])
-            rows = {row["place"]: row for row in json.loads((out / "summary.json").read_text())["sinks"]}
+            rows = {row["place"]: row for row in summary_of(out)["sinks"]}
             truth = {tag: q for _, tag, q in truths(out)}
             zero = min(truth) - round(EXPOSURE_MS / 2 * 1e6)
             for number, kind in enumerate(more):
@@ -334,13 +312,6 @@ class VirtualClock(unittest.TestCase):
             self.assertNotEqual(done.returncode, 0)
             self.assertIn("[[tracker_out]]", done.stderr)
             self.assertIn("--clock real", done.stderr)
-
-
-def multiplied(a, b):
-    aw, ax, ay, az = a
-    bw, bx, by, bz = b
-    return (aw * bw - ax * bx - ay * by - az * bz, aw * bx + ax * bw + ay * bz - az * by,
-            aw * by - ax * bz + ay * bw + az * bx, aw * bz + ax * by - ay * bx + az * bw)
 
 
 class PlantOutside(unittest.TestCase):
@@ -664,7 +635,7 @@ class Clients(unittest.TestCase):
             run.stop()
             self.assertEqual((row["counts"].get("packets", 0), row["counts"]["packets_unread"]), (0, 20))
             self.assertIsNone(row["first_error"])
-            events = json.loads((run.out / "summary.json").read_text())["event_counts"]
+            events = summary_of(run.out)["event_counts"]
             self.assertEqual(events["telemetry_lost"], 20)
 
 

@@ -7,6 +7,7 @@ program (default target/release/starloop). Standard library only.
 """
 
 import csv
+import functools
 import hashlib
 import json
 import math
@@ -16,13 +17,13 @@ import re
 import shutil
 import subprocess
 import sys
-import tempfile
 import unittest
 import venv
 import xml.etree.ElementTree
 from pathlib import Path
 
-from support import ARCSEC, BINARY, ROOT, TARGET
+import support
+from support import ARCSEC, ROOT, TARGET, InAFolder, folder_for, product, rows_of
 from starloop.compare_reports import compare, count_p_value, show
 from starloop.statistical_tracker import AXES, Pair, Report, noise_of_motion, with_absolute_paths
 
@@ -45,21 +46,7 @@ TOO_NARROW = ["wide_field_telescope", "detection_limit_15mag", "detection_limit_
 """Those that it has not: below 10 degrees."""
 
 
-def starloop(*arguments, status=(0, 4)):
-    done = subprocess.run([BINARY, *map(str, arguments)], capture_output=True, text=True, timeout=900)
-    if done.returncode not in status:
-        raise AssertionError(f"{arguments}: status {done.returncode}\n{done.stdout}\n{done.stderr}")
-    return done
-
-
-def product(a, b):
-    """Hamilton product of quaternions w, x, y, z."""
-    return (
-        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
-        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
-        a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
-        a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
-    )
+starloop = functools.partial(support.starloop, status=(0, 4), timeout=900)
 
 
 def turned(quaternion, turn_rad):
@@ -69,15 +56,11 @@ def turned(quaternion, turn_rad):
     return product(tuple(part / norm for part in small), quaternion)
 
 
-def table(path):
-    return list(csv.DictReader(path.read_text().splitlines()))
-
-
 def change_log(case, change):
     """Rewrites the log of a case: `change` takes the row's quaternion and the frame's row, and returns another one."""
-    frames = {row["frame"]: row for row in table(case / "frames.csv")}
+    frames = {row["frame"]: row for row in rows_of(case / "frames.csv")}
     path = case / "tracker_log.csv"
-    rows = table(path)
+    rows = rows_of(path)
     for row in rows:
         if row["q_w"]:
             before = tuple(float(row[name]) for name in ("q_w", "q_x", "q_y", "q_z"))
@@ -137,9 +120,8 @@ class Flown:
 class Reports(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.folder = tempfile.TemporaryDirectory(prefix="tracker_report")
-        cls.addClassCleanup(cls.folder.cleanup)
-        cls.flown = Flown(Path(cls.folder.name) / "built_in")
+        cls.folder = folder_for(cls)
+        cls.flown = Flown(cls.folder / "built_in")
         cls.done = starloop("fly", PLAN, "--out", cls.flown.folder, "--quiet")
 
     def assert_holds(self, metric, truth, is_held=True):
@@ -185,7 +167,7 @@ class Reports(unittest.TestCase):
         self.assertEqual(files["lost_in_space/tracker_log.csv"], hashlib.sha256(log).hexdigest())
 
     def test_a_plan_repeats_bit_for_bit(self):
-        other = Path(self.folder.name) / "again"
+        other = self.folder / "again"
         starloop("fly", PLAN, "--out", other, "--quiet", "--case", "slew", "--case", "protons")
         names = json.loads((other / "plan.json").read_text())["cases"]
         self.assertEqual(len(names), 8)
@@ -238,7 +220,7 @@ class Reports(unittest.TestCase):
     def test_added_drift_comes_back(self):
         per_hour = (600.0, -300.0, 9000.0)
         case = self.flown.folder / "drift"
-        zero = int(table(case / "frames.csv")[0]["mid_exposure_tai_ns"])
+        zero = int(rows_of(case / "frames.csv")[0]["mid_exposure_tai_ns"])
 
         def drifting(q, row, frame):
             hours = (int(frame["mid_exposure_tai_ns"]) - zero) * 1e-9 / 3600
@@ -265,7 +247,7 @@ class Reports(unittest.TestCase):
 
     def pair(self, flown, text):
         """A plan and the statistical tracker by its flight."""
-        folder = Path(self.folder.name) / f"model_of_{flown.folder.name}"
+        folder = self.folder / f"model_of_{flown.folder.name}"
         folder.mkdir(exist_ok=True)
         return Pair(text, Report(flown.report), folder)
 
@@ -294,7 +276,7 @@ class Reports(unittest.TestCase):
         self.assert_agrees("model", pair.fly("model", noise, motion), pair.own)
         # Another detector of the same kind and other attitudes, with figures of its own.
         other_text = text.replace("seed = 1\n", "seed = 2\n")
-        path = Path(self.folder.name) / "pixels_2.toml"
+        path = self.folder / "pixels_2.toml"
         path.write_text(other_text)
         starloop("fly", path, "--out", path.with_suffix(""), "--quiet")
         other = self.pair(Flown(path.with_suffix("")), other_text)
@@ -346,7 +328,7 @@ class Reports(unittest.TestCase):
         case = self.flown.folder / "thermo-elastic"
         described = json.loads((case / "case.json").read_text())
         drift = described["mounting_drift"]
-        rows = table(case / "frames.csv")
+        rows = rows_of(case / "frames.csv")
         zero = int(rows[0]["mid_exposure_tai_ns"])
         share = [math.sin(math.pi * (int(row["mid_exposure_tai_ns"]) - zero) * 1e-9 / drift["period_s"]) ** 2 for row in rows]
         fifth = len(share) // 5
@@ -368,7 +350,7 @@ class Reports(unittest.TestCase):
             self.assert_holds(other.metric(f"thermo_elastic_error.{axis}"), wanted[axis], is_held=False)
 
     def test_the_output_follows_a_sine_as_the_exposure_lets_it(self):
-        exposure_s = float(table(self.flown.folder / "sine_1.1/frames.csv")[0]["exposure_s"])
+        exposure_s = float(rows_of(self.flown.folder / "sine_1.1/frames.csv")[0]["exposure_s"])
         ratios = [m for m in self.flown.report["metrics"] if m["id"] == "amplitude_ratio"]
         self.assertEqual(len(ratios), 5)
         for ratio in ratios:
@@ -382,7 +364,7 @@ class Reports(unittest.TestCase):
             other = self.flown.copy(name)
             for case in other.folder.glob("sine_*"):
                 path = case / "tracker_log.csv"
-                rows = table(path)
+                rows = rows_of(path)
                 lines = [",".join(rows[0])]
                 for at, row in enumerate(rows):
                     near = [r for r in rows[max(at - 1, 0) : at + 2] if r["q_w"]]
@@ -407,7 +389,7 @@ class Reports(unittest.TestCase):
         self.assertEqual(other.metric("sun_exclusion_angle")["value"], 60)
 
     def test_a_recorded_run_is_judged_by_any_log(self):
-        run = Path(self.folder.name) / "run"
+        run = self.folder / "run"
         bench = ROOT / "configs/benches/closed_loop_small.toml"
         settings = ["--set", "timing.duration_s=20.0"]
         starloop("run", bench, "--clock", "virtual", "--sink", "recorder", "--out", run, "--quiet", *settings, status=(0,))
@@ -432,8 +414,8 @@ class Reports(unittest.TestCase):
 
     def fly_with_telemetry(self, name, outs):
         """A run of 20 s whose telemetry goes into files; returns its folder and the files by protocol."""
-        run = Path(self.folder.name) / name
-        bench = Path(self.folder.name) / f"{name}.toml"
+        run = self.folder / name
+        bench = self.folder / f"{name}.toml"
         tables = "".join(
             f"""
 [[tracker_out]]
@@ -513,7 +495,7 @@ fits = false
         def capture(order):
             """Answers of the tracker, 120 ms after mid-exposure: the conjugate, scalar last, 16 bits each."""
             lines = ["# latency_ms: 120"]
-            for row in table(next(run.rglob("frames.csv"))):
+            for row in rows_of(next(run.rglob("frames.csv"))):
                 w, *vector = (float(row[name]) for name in QUATERNION_OF_FRAMES)
                 parts = [-vector[axis] for axis in order] + [w]
                 wire = b"".join(int(part * 32767 + 32768).to_bytes(2, "big") for part in parts)
@@ -554,14 +536,12 @@ print(*sys.argv[3:])
 """A program that reads the truth: in the place of any tracker."""
 
 
-class Plans(unittest.TestCase):
+class Plans(InAFolder):
     """Messages of `fly`, `report` and `check` about plans and requirements."""
 
     def setUp(self):
-        folder = tempfile.TemporaryDirectory(prefix="plans")
-        self.addCleanup(folder.cleanup)
-        self.folder = Path(folder.name)
-        (self.folder / "tracker.py").write_text(MADE_UP_TRACKER)
+        super().setUp()
+        self.written("tracker.py", MADE_UP_TRACKER)
 
     def write(self, requirement="", plan=SMALL_PLAN):
         if requirement:
@@ -570,10 +550,7 @@ class Plans(unittest.TestCase):
         (self.folder / "plan.toml").write_text(plan)
 
     def run_here(self, *arguments, status):
-        command = [str(Path(BINARY).resolve()), *map(str, arguments)]
-        done = subprocess.run(command, cwd=self.folder, capture_output=True, text=True, timeout=600)
-        self.assertEqual(done.returncode, status, f"{arguments}\n{done.stdout}\n{done.stderr}")
-        return done
+        return starloop(*arguments, status=status, cwd=self.folder)
 
     def fly(self, *arguments, status):
         command = ["--tracker-command", sys.executable, "tracker.py", "{frames}", "{log}", "--own", *arguments]
@@ -667,14 +644,13 @@ frame_rate_hz = 9.0
 class CedarSolve(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.folder = tempfile.TemporaryDirectory(prefix="cedar")
-        cls.addClassCleanup(cls.folder.cleanup)
+        cls.folder = folder_for(cls)
         cls.python = cedar_python()
 
     def fly(self, name, camera, *arguments):
         """Flies the cases lost in space of the short plan with cedar-solve behind a camera."""
-        out = Path(self.folder.name) / name
-        plan = Path(self.folder.name) / f"{name}.toml"
+        out = self.folder / name
+        plan = self.folder / f"{name}.toml"
         text = PLAN.read_text().replace("../cameras/small_tracker.toml", str(ROOT / f"configs/cameras/{camera}.toml"))
         text = text.replace('requirements = "requirements_small_tracker.toml"\n', "")
         text = text.replace('kind = "uniform", count = 120', 'kind = "uniform", count = 10')
@@ -694,10 +670,10 @@ class CedarSolve(unittest.TestCase):
                 self.assertEqual(flown.metric("false_solutions")["value"], 0)
 
     def test_errors_added_to_its_log_come_back(self):
-        out = Path(self.folder.name) / "plan"
+        out = self.folder / "plan"
         command = ["--tracker-command", self.python, CEDAR, "{frames}", "{camera}", "{log}", "--aberration"]
         cases = [word for name in ("inertial", "slew", "drift") for word in ("--case", name)]
-        plan = Path(self.folder.name) / "plan.toml"
+        plan = self.folder / "plan.toml"
         text = PLAN.read_text().replace("../cameras/", f"{ROOT}/configs/cameras/").replace("count = 40 }\nframes = 15", "count = 12 }\nframes = 6")
         plan.write_text(text.replace('requirements = "requirements_small_tracker.toml"\n', "").replace("frames = 600", "frames = 120").replace("frames = 40", "frames = 15"))
         starloop("fly", plan, "--out", out, "--quiet", *cases, "--tracker-name", "cedar-solve", *command)
@@ -724,8 +700,8 @@ class CedarSolve(unittest.TestCase):
         self.assertTrue(noise["low"] <= math.hypot(before, sigma) <= noise["high"], f"{noise} {before}")
 
     def test_aberration_that_it_does_not_know_is_found(self):
-        out = Path(self.folder.name) / "aberration"
-        plan = Path(self.folder.name) / "aberration.toml"
+        out = self.folder / "aberration"
+        plan = self.folder / "aberration.toml"
         text = PLAN.read_text().replace("../cameras/small_tracker", f"{ROOT}/configs/cameras/star_tracker_20deg")
         text = text.replace('requirements = "requirements_small_tracker.toml"\n', "").replace("count = 120 }\nframes = 2", "count = 60 }\nframes = 1")
         plan.write_text(text.replace("frame_rate_hz = 2.0", "frame_rate_hz = 1.0"))

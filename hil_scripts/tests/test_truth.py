@@ -3,42 +3,23 @@
 STARLOOP_BINARY names the program (default target/release/starloop).
 """
 
-import csv
-import json
 import math
-import shutil
-import subprocess
-import tempfile
 import unittest
-from pathlib import Path
 
 import numpy
 from astropy.io import fits
 
-from support import BINARY, CAMERA, ROOT
+from support import CAMERA, ROOT, InAFolder, rows_of, starloop, summary_of
 
 # The small tracker in the dark: offsets of 27.5 e- (pattern), and 55 e- of read noise and 19 e- of dark current (noise).
 PATTERN = 27.5**2 / (27.5**2 + 55.0**2 + 19.0)
-
-
-def starloop(*words):
-    done = subprocess.run([BINARY, *map(str, words)], capture_output=True, text=True, timeout=600)
-    if done.returncode != 0:
-        raise AssertionError(done.stderr)
-    return done
-
-
-class InAFolder(unittest.TestCase):
-    def setUp(self):
-        self.folder = Path(tempfile.mkdtemp(prefix="starloop-truth-"))
-        self.addCleanup(shutil.rmtree, self.folder)
 
 
 class Seeds(InAFolder):
     def dark(self, *words):
         sources, image = self.folder / "none.csv", self.folder / "dark.fits"
         sources.write_text("x_px,y_px,electrons\n")
-        starloop("render", "--camera", CAMERA, "--sources", sources, "--backend", "cpu", *words, "--out", image)
+        starloop("render", "--camera", CAMERA, "--sources", sources, "--backend", "cpu", *words, "--out", image, status=0)
         with fits.open(image) as file:
             return file[0].data.astype(float), file[0].header
 
@@ -65,9 +46,8 @@ class Seeds(InAFolder):
         found = {}
         for name, words in {"bench": [], "words": ["--seed", 4, "--noise-seed", 12], "one": ["--noise-seed", 3]}.items():
             out = self.folder / name
-            starloop("run", bench, "--quiet", "--clock", "virtual", "--backend", "cpu", "--duration", 0.3, *words, "--out", out)
-            summary = json.loads((out / "summary.json").read_text())
-            rows = list(csv.DictReader((out / "frames.csv").read_text().splitlines()))
+            starloop("run", bench, "--quiet", "--clock", "virtual", "--backend", "cpu", "--duration", 0.3, *words, "--out", out, status=0)
+            summary, rows = summary_of(out), rows_of(out)
             head = fits.getheader(out / "frame_000001.fits")
             self.assertEqual((head["SEED"], head["NOISSEED"]), (summary["seed"], summary["noise_seed"]))
             self.assertEqual((int(rows[1]["seed"]), int(rows[1]["noise_seed"])), (summary["seed"], summary["noise_seed"]))
@@ -81,8 +61,8 @@ class Smear(InAFolder):
         camera, truth = ROOT / "configs/cameras/star_tracker_20deg.toml", self.folder / "truth.csv"
         words = ["render", "--camera", camera, "--ra", 83.8, "--dec", -1.2, "--backend", "cpu", "--truth", truth]
         rate_deg_s, exposure_s, focal_px = numpy.array([1.0, -4.0, 2.0]), 0.1, 52.26 / 0.018
-        starloop(*words, "--rate", ",".join(map(str, rate_deg_s)), "--out", self.folder / "a.fits")
-        rows = [row for row in csv.DictReader(truth.read_text().splitlines()) if row["kind"] == "star"]
+        starloop(*words, "--rate", ",".join(map(str, rate_deg_s)), "--out", self.folder / "a.fits", status=0)
+        rows = [row for row in rows_of(truth) if row["kind"] == "star"]
         self.assertGreater(len(rows), 200)
         # Each star's mean place turned back and forth with the sensor and projected, step by step.
         mean = numpy.array([[float(row["x_px"]), float(row["y_px"])] for row in rows]) - 511.5
@@ -102,8 +82,8 @@ class Smear(InAFolder):
         self.assertGreater(length.max() / length.min(), 1.2, "control: the roll makes them differ")
         self.assertLess(numpy.abs(reported[:, 0] / length - 1).max(), 2e-3)
         self.assertLess(numpy.abs((reported[:, 1] - angle + 180) % 360 - 180).max(), 0.3)
-        starloop(*words, "--out", self.folder / "b.fits")
-        still = list(csv.DictReader(truth.read_text().splitlines()))
+        starloop(*words, "--out", self.folder / "b.fits", status=0)
+        still = rows_of(truth)
         self.assertEqual({float(row["smear_px"]) for row in still}, {0.0})
 
 

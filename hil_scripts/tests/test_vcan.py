@@ -15,13 +15,11 @@ import time
 import unittest
 from pathlib import Path
 
-from support import BINARY, ROOT
+from support import BINARY, ROOT, until
 
 NO_VCAN = os.environ.get("STARLOOP_NO_VCAN") == "1"
 # Promises of the suite, and the filters.
 CHECKS = 10
-# Longest wait for anything; nothing is expected to take a tenth of it.
-PATIENCE_S = 120.0
 
 
 def run(*command):
@@ -30,14 +28,6 @@ def run(*command):
 
 def link_check(*arguments):
     return subprocess.run([BINARY, "link-check", "--kind", "socketcan", *arguments], capture_output=True, text=True)
-
-
-def wait_until(holds, what):
-    limit = time.monotonic() + PATIENCE_S
-    while not holds():
-        if time.monotonic() > limit:
-            raise AssertionError(f"not within {PATIENCE_S} s: {what()}")
-        time.sleep(0.02)
 
 
 class Lines:
@@ -61,7 +51,7 @@ class Lines:
         return self.text
 
     def wait_for(self, pattern):
-        wait_until(lambda: re.search(pattern, self.read()), lambda: f"{pattern!r} in {self.text[-2000:]!r}")
+        until(lambda: f"{pattern!r} in {self.text[-2000:]!r}", lambda: re.search(pattern, self.read()))
 
 
 class Echo(Lines):
@@ -81,7 +71,7 @@ class Echo(Lines):
             counters = self.counters()
             return all(counters.get(key) == value for key, value in wanted.items())
 
-        wait_until(holds, lambda: f"{wanted}, got {self.counters()}")
+        until(lambda: f"{wanted}, got {self.counters()}", holds)
         return self.counters()
 
 
@@ -92,10 +82,10 @@ class Dump(Lines):
         super().__init__("candump", "-L", f"{interface},0:0,#FFFFFFFF")
         self.interface = interface
         # candump does not report when it is ready: a frame of ours shows it.
-        wait_until(lambda: run("cansend", interface, "7FF#") == "" and "7FF#" in self.read(), lambda: "candump receives")
+        until(lambda: "candump receives", lambda: run("cansend", interface, "7FF#") == "" and "7FF#" in self.read())
         # It may have taken several, and some are still to be read: the next frame is behind them all.
         run("cansend", interface, "7FE#")
-        wait_until(lambda: "7FE#" in self.read(), lambda: "candump receives the last of its own")
+        until(lambda: "candump receives the last of its own", lambda: "7FE#" in self.read())
         self.text = ""
 
     def frames(self):
@@ -104,7 +94,7 @@ class Dump(Lines):
         return [re.sub("##(.)", lambda flags: f"##{int(flags[1], 16) & ~4:X}", frame) for frame in frames]
 
     def wait_frames(self, wanted):
-        wait_until(lambda: len(self.frames()) >= len(wanted), lambda: f"{wanted}, got {self.frames()}")
+        until(lambda: f"{wanted}, got {self.frames()}", lambda: len(self.frames()) >= len(wanted))
         # A later frame is here, so unwanted ones would be here too.
         return self.frames()
 
@@ -242,7 +232,7 @@ class Losses(OnVcan):
             try:
                 echo.wait_counters(lost=1)
                 before, since = self.sleeps(echo), time.monotonic()
-                wait_until(lambda: self.sleeps(echo) - before >= 50, lambda: f"{self.sleeps(echo) - before} sleeps")
+                until(lambda: f"{self.sleeps(echo) - before} sleeps", lambda: self.sleeps(echo) - before >= 50)
                 slept, span_s = self.sleeps(echo) - before, time.monotonic() - since
             finally:
                 run("ip", "link", "set", "vcan1", "up")
@@ -272,7 +262,7 @@ class Losses(OnVcan):
                 time.sleep(0.1)
                 return False
 
-            wait_until(all_accounted_for, lambda: f"{sent} sent, {echo.counters()}")
+            until(lambda: f"{sent} sent, {echo.counters()}", all_accounted_for)
             counters = echo.counters()
             self.assertGreater(counters["overflows"], 0, "the flood did not fill the buffer")
             self.assertLess(counters["overflows"], flood - 1000, "the buffer holds a burst of a thousand")

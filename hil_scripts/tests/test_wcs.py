@@ -5,20 +5,15 @@ binned, windowed, at a pole, rendered and recorded. Nothing moves in them: the W
 STARLOOP_BINARY names the program (default target/release/starloop).
 """
 
-import csv
-import shutil
-import subprocess
-import tempfile
 import unittest
 import warnings
-from pathlib import Path
 
 import numpy
 from astropy.io import fits
 from astropy.time import Time
 from astropy.wcs import WCS
 
-from support import BINARY, ROOT
+from support import ROOT, folder_for, rows_of, starloop
 
 CAMERAS = ROOT / "configs/cameras"
 WCS_PX = 0.02
@@ -46,13 +41,6 @@ dec_deg = -1.2
 """
 
 
-def starloop(*words):
-    done = subprocess.run([BINARY, *map(str, words)], capture_output=True, text=True, timeout=600)
-    if done.returncode != 0:
-        raise AssertionError(done.stderr)
-    return done
-
-
 class Frame:
     """A FITS file with its truth table."""
 
@@ -64,7 +52,7 @@ class Frame:
                 file.verify("exception")
                 self.header, shape = file[0].header.copy(), file[0].data.shape
             self.wcs = WCS(self.header)
-        rows = list(csv.DictReader(truth.read_text().splitlines()))
+        rows = rows_of(truth)
         column = lambda name: numpy.array([float(row[name]) for row in rows])
         self.px = numpy.stack([column("x_px"), column("y_px")], -1)
         self.catalog = numpy.stack([column("catalog_ra_deg"), column("catalog_dec_deg")], -1)
@@ -81,19 +69,18 @@ class Frame:
 class Wcs(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.folder = Path(tempfile.mkdtemp(prefix="starloop-wcs-"))
-        cls.addClassCleanup(shutil.rmtree, cls.folder)
+        cls.folder = folder_for(cls)
         cls.frames = []
         for number, (camera, lines, ra, dec, roll, time) in enumerate(SKY):
             path = cls.folder / f"{number}.toml"
             path.write_text((CAMERAS / f"{camera}.toml").read_text() + lines)
             image, truth = cls.folder / f"{number}.fits", cls.folder / f"{number}.csv"
             words = ["--camera", path, "--ra", ra, "--dec", dec, "--roll", roll, "--time", time, "--backend", "cpu"]
-            starloop("render", *words, "--truth", truth, "--out", image)
+            starloop("render", *words, "--truth", truth, "--out", image, status=0)
             cls.frames.append(Frame(image, truth))
         bench, run = cls.folder / "bench.toml", cls.folder / "run"
         bench.write_text(BENCH)
-        starloop("run", bench, "--quiet", "--clock", "virtual", "--backend", "cpu", "--duration", 0.6, "--out", run)
+        starloop("run", bench, "--quiet", "--clock", "virtual", "--backend", "cpu", "--duration", 0.6, "--out", run, status=0)
         images = sorted(run.glob("frame_*.fits"))[-3:]
         cls.recorded = [Frame(image, image.with_name(image.name.replace(".fits", ".truth.csv"))) for image in images]
 
