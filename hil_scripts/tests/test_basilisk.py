@@ -1,6 +1,6 @@
 """Basilisk flies a spacecraft on starloop's pixels: python3 hil_scripts/tests/test_basilisk.py
 
-Wants bsk of requirements_interop.txt. STARLOOP_BINARY names the program (default target/release/starloop).
+Wants bsk of requirements_interop.txt.
 """
 
 import unittest

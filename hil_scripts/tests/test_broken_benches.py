@@ -1,8 +1,7 @@
 """Broken benches are never ok, and their repaired twins are: python3 hil_scripts/tests/test_broken_benches.py
 
-STARLOOP_BINARY names the program (default target/release/starloop). Each bench is flown as its user would: none ends with
-status 0, the first line that is printed names the cause, and the same bench without the mistake is `ok`. Frames are few and
-have time, so that a busy machine does not make them late.
+Each bench is flown as its user would: none ends with status 0, the first line that is printed names the cause, and the
+same bench without the mistake is `ok`. Frames are few and have time, so that a busy machine does not make them late.
 """
 
 import math

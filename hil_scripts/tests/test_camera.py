@@ -1,7 +1,6 @@
 """A camera that a client of the control socket commands: python3 hil_scripts/tests/test_camera.py
 
-Settings of each exposure and the pixels they give, triggers, capture and replay, on both clocks. STARLOOP_BINARY names the
-program (default target/release/starloop).
+Settings of each exposure and the pixels they give, triggers, capture and replay, on both clocks.
 """
 
 import math

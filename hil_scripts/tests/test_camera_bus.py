@@ -1,9 +1,8 @@
 """A camera that a flight computer commands over the bus, on the real clock: python3 hil_scripts/tests/test_camera_bus.py
 
-flight_computer.py flies a bench through the slcan gateway and over a serial line, sets exposure and gain on the way, and reads
-CAMERA_STATUS; the recorded frames must have those settings in their headers and that light in their pixels. STARLOOP_BINARY
-names the program (default target/release/starloop). Needs python-can, cantools and pyserial
-(requirements_flight_computer.txt), and astropy (requirements.txt).
+flight_computer.py flies a bench through the slcan gateway and over a serial line, sets exposure and gain on the way,
+and reads CAMERA_STATUS; the recorded frames must have those settings in their headers and that light in their pixels.
+Needs python-can, cantools and pyserial (requirements_flight_computer.txt), and astropy (requirements.txt).
 """
 
 import re

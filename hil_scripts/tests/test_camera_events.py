@@ -2,8 +2,6 @@
 
 Events of the message channel are taken by the reference GenApi and by tshark; actions start exposures, at once and at an
 instant, and the attitude of a slew is that of their exposures. Needs genicam (PyPI), tshark and aravis-tools-cli (apt).
-
-STARLOOP_BINARY names the program (default target/release/starloop).
 """
 
 import math

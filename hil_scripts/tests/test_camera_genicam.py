@@ -1,8 +1,7 @@
 """A network camera whose exposures its client commands: python3 hil_scripts/tests/test_camera_genicam.py
 
-`starloop run` on the real clock with a network camera; arv-tool and Aravis from Python set exposure, gain and triggers by the
-names of GenICam SFNC. Needs aravis-tools-cli, gir1.2-aravis-0.8, python3-gi and python3-numpy (apt). STARLOOP_BINARY names the
-program (default target/release/starloop).
+`starloop run` on the real clock with a network camera; arv-tool and Aravis from Python set exposure, gain and triggers
+by the names of GenICam SFNC. Needs aravis-tools-cli, gir1.2-aravis-0.8, python3-gi and python3-numpy (apt).
 """
 
 import json

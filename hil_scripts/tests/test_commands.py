@@ -1,7 +1,7 @@
 """Tests of the command line as a person and a script meet it: python3 hil_scripts/tests/test_commands.py
 
-Help on a terminal with and without NO_COLOR, reports as JSON, completions in the shells that there are, manual pages, doctor.
-STARLOOP_BINARY names the program (default target/release/starloop).
+Help on a terminal with and without NO_COLOR, reports as JSON, completions in the shells that there are, manual pages,
+doctor.
 """
 
 import json

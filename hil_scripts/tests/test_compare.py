@@ -1,9 +1,9 @@
 """Tests of `starloop compare`: python3 hil_scripts/tests/test_compare.py
 
-STARLOOP_BINARY names the program (default target/release/starloop). Frames are drawn by `starloop render`, written as TIFF
-files as a camera writes them, and compared. Where STARLOOP_REAL_SKY names a folder with four real frames (test_data of
-the repository esa/tetra3 at commit c8324f4: 2019-07-29T204726_Alt40_Azi-135_Try1.tiff and others), these are compared too, with
-attitudes that another program found; their checks are part of tests that run either way.
+Frames are drawn by `starloop render`, written as TIFF files as a camera writes them, and compared. Where
+STARLOOP_REAL_SKY names a folder with four real frames (test_data of the repository esa/tetra3 at commit c8324f4:
+2019-07-29T204726_Alt40_Azi-135_Try1.tiff and others), these are compared too, with attitudes that another program
+found; their checks are part of tests that run either way.
 """
 
 import json

@@ -1,6 +1,6 @@
 """Tests of how starloop ends: python3 hil_scripts/tests/test_ends.py
 
-Signals, losses, full and closed standard streams. STARLOOP_BINARY names the program (default target/release/starloop).
+Signals, losses, full and closed standard streams.
 """
 
 import json

@@ -1,7 +1,7 @@
 """Tests of what starloop does to files and memory that are not its own: python3 hil_scripts/tests/test_files.py
 
 Names planted in output folders, names that lead out of them, rings that vanish, captures that were cut, and limits of
-memory set from outside. STARLOOP_BINARY names the program (default target/release/starloop). Standard library only.
+memory set from outside. Standard library only.
 """
 
 import os

@@ -1,8 +1,7 @@
 """flight_computer.py against `starloop run`, over gateways and a serial line: python3 hil_scripts/tests/test_flight.py
 
-STARLOOP_BINARY names the program (default target/release/starloop). Needs python-can, cantools and pyserial
-(requirements_flight_computer.txt), and astropy (requirements.txt). test_vcan.py flies over a kernel's CAN interface by the same
-functions.
+Needs python-can, cantools and pyserial (requirements_flight_computer.txt), and astropy (requirements.txt). test_vcan.py
+flies over a kernel's CAN interface by the same functions.
 """
 
 import math

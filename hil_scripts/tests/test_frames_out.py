@@ -1,8 +1,8 @@
 """One run that feeds files, a camera on the network and a browser at once: python3 hil_scripts/tests/test_frames_out.py
 
-A bench of 1024 x 1024 px at 10 Hz with a recorder and a network camera, and the live view beside them. Aravis grabs, and is
-then stopped in the middle of a stream; somebody connects to the live view and never reads. No sink may cost a frame.
-Needs what `test_network_camera.py` needs. STARLOOP_BINARY names the program.
+A bench of 1024 x 1024 px at 10 Hz with a recorder and a network camera, and the live view beside them. Aravis grabs,
+and is then stopped in the middle of a stream; somebody connects to the live view and never reads. No sink may cost a
+frame. Needs what `test_network_camera.py` needs.
 """
 
 import json

@@ -1,6 +1,6 @@
 """Tests of `starloop bus` with python-can on the other side: python3 hil_scripts/tests/test_gateways.py
 
-STARLOOP_BINARY names the program (default target/release/starloop). Needs python-can and pyserial (requirements_flight_computer.txt).
+Needs python-can and pyserial (requirements_flight_computer.txt).
 """
 
 import errno

@@ -1,10 +1,10 @@
 """Attitude and orbit files against other people's programs: python3 hil_scripts/tests/test_histories.py
 
 Orekit (Java, through orekit-jpype) and brahe write AEM and OEM, which starloop reads and exports again; they and
-ccsds-ndm read what starloop writes. All are compared with one motion, a turn at a constant rate about a tilted axis, and
-one orbit, a cubic in time: both are exact between rows. Limits: 1e-9 rad, 1e-9 of the distance. Controls: a conjugated
-quaternion and a swapped time system must differ. A run of two heads on both clocks shows the attitude of a file.
-STARLOOP_BINARY names the program (default target/release/starloop). Needs Java 17 (openjdk-17-jre-headless).
+ccsds-ndm read what starloop writes. All are compared with one motion, a turn at a constant rate about a tilted axis,
+and one orbit, a cubic in time: both are exact between rows. Limits: 1e-9 rad, 1e-9 of the distance. Controls: a
+conjugated quaternion and a swapped time system must differ. A run of two heads on both clocks shows the attitude of a
+file. Needs Java 17 (openjdk-17-jre-headless).
 """
 
 import functools

@@ -1,8 +1,7 @@
 """Tests of `starloop keys`, `schema` and `init`: python3 hil_scripts/tests/test_keys.py
 
 Every shipped configuration is valid by the schema of its kind, by another program's validator; what the program refuses
-the schema refuses too, as far as one key says it. STARLOOP_BINARY names the program (default target/release/starloop).
-Needs jsonschema.
+the schema refuses too, as far as one key says it. Needs jsonschema.
 """
 
 import json

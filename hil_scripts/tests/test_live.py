@@ -1,7 +1,7 @@
 """Tests of the live view in a browser and with Prometheus's own parser: python3 hil_scripts/tests/test_live.py
 
-STARLOOP_BINARY names the program (default target/release/starloop), STARLOOP_CHROMIUM the browser (default chromium);
-STARLOOP_SCREENSHOT names a file in which the page is kept as people see it.
+STARLOOP_CHROMIUM names the browser (default chromium); STARLOOP_SCREENSHOT names a file in which the page is kept as
+people see it.
 """
 
 import base64

@@ -1,7 +1,6 @@
 """Tests of what people do on the live view's page, at three sizes: python3 hil_scripts/tests/test_live_page.py
 
-STARLOOP_BINARY names the program, STARLOOP_CHROMIUM the browser; STARLOOP_SCREENSHOTS names a folder in which the pages are
-kept as people see them.
+STARLOOP_CHROMIUM names the browser; STARLOOP_SCREENSHOTS names a folder in which the pages are kept as people see them.
 """
 
 import json

@@ -1,8 +1,8 @@
 """Tests that each usual mistake gets a good message: python3 hil_scripts/tests/test_mistakes.py
 
-The tables in mistakes/ have one row for each mistake: files and a command, the exit status, and what the message says: what
-is wrong, where, what was wanted, what was given, and how to repair it. STARLOOP_BINARY names the program (default
-target/release/starloop). `test_mistakes.py --show [WORD...]` prints the messages of the rows whose names have all the words.
+The tables in mistakes/ have one row for each mistake: files and a command, the exit status, and what the message says:
+what is wrong, where, what was wanted, what was given, and how to repair it. `test_mistakes.py --show [WORD...]` prints
+the messages of the rows whose names have all the words.
 
 A row has:
 

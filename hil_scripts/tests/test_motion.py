@@ -1,7 +1,4 @@
-"""Tests of scripted motions and of jitter from files, by formulas of their own: python3 hil_scripts/tests/test_motion.py
-
-STARLOOP_BINARY names the program (default target/release/starloop).
-"""
+"""Tests of scripted motions and of jitter from files, by formulas of their own: python3 hil_scripts/tests/test_motion.py"""
 
 import math
 import shutil

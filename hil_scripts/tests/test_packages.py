@@ -1,7 +1,7 @@
 """Tests of the packages: python3 hil_scripts/tests/test_packages.py
 
 Makes them with package.sh, checks every part, installs the .deb into a bare Debian and runs the program there without a
-network; the tarball too. STARLOOP_BINARY names the program (default target/release/starloop).
+network; the tarball too.
 
 The bare root is made once by debootstrap and kept in target/bare_root; that needs root and a Debian mirror. Where it cannot
 be made, the tests that need it are skipped, and say why. Sizes and start times are printed at the end of the run.

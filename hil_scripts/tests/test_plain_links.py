@@ -1,8 +1,8 @@
 """Any simulator as the plant, over UDP, TCP and 42's lines: python3 hil_scripts/tests/test_plain_links.py
 
-STARLOOP_BINARY names the program (default target/release/starloop). Needs astropy (requirements.txt). Every sender draws the
-same slew: the attitudes in the headers of the frames are compared with it. The bench plays a time of its own: when an
-attitude was sent follows from its angle, and must differ from the time of its frame by the same for all frames.
+Needs astropy (requirements.txt). Every sender draws the same slew: the attitudes in the headers of the frames are
+compared with it. The bench plays a time of its own: when an attitude was sent follows from its angle, and must differ
+from the time of its frame by the same for all frames.
 """
 
 import json

@@ -2,7 +2,7 @@
 
 provenance.json, events.jsonl and report.html of runs on the virtual clock: hashes are computed again here, the page is
 checked for its verdict, its parts and links to anything outside, and damaged files are found by the same checks.
-STARLOOP_BINARY names the program (default target/release/starloop). Standard library only.
+Standard library only.
 """
 
 import base64

@@ -1,9 +1,9 @@
 """One slew through every interface on the virtual clock: python3 hil_scripts/tests/test_same_slew.py
 
-The control socket in lockstep, a co-simulation unit under FMPy, an AEM file and the rows of a table draw the same slew. Lockstep
-and unit get the same samples in double precision: their attitudes differ by rounding. The files go over the simulated bus in
-single precision: their frames show the slew to the accuracy of the wire. UDP, TCP and the lines of 42 need the real clock:
-test_plain_links.py. STARLOOP_BINARY names the program (default target/release/starloop). Needs fmpy.
+The control socket in lockstep, a co-simulation unit under FMPy, an AEM file and the rows of a table draw the same slew.
+Lockstep and unit get the same samples in double precision: their attitudes differ by rounding. The files go over the
+simulated bus in single precision: their frames show the slew to the accuracy of the wire. UDP, TCP and the lines of 42
+need the real clock: test_plain_links.py. Needs fmpy.
 """
 
 import math

@@ -1,8 +1,8 @@
 """Tests that a web page can do nothing to a run: python3 hil_scripts/tests/test_services.py
 
-A real browser sends cross-origin POST requests, with bodies that the ports would obey, to the slcan, socketcand and control
-ports, while a flight computer flies over one of them. STARLOOP_BINARY names the program (default target/release/starloop),
-STARLOOP_CHROMIUM the browser (default chromium). Needs python-can and cantools (requirements_flight_computer.txt).
+A real browser sends cross-origin POST requests, with bodies that the ports would obey, to the slcan, socketcand and
+control ports, while a flight computer flies over one of them. STARLOOP_CHROMIUM names the browser (default chromium).
+Needs python-can and cantools (requirements_flight_computer.txt).
 """
 
 import http.server

@@ -1,8 +1,7 @@
 #!/usr/bin/env python3
 """The long run, made short: 16 s on the real clock and some simulated minutes, and its controls; a tiny run of scale.py.
 
-python3 hil_scripts/tests/test_soak.py; STARLOOP_BINARY names the program (default target/release/starloop). Needs Aravis for the system's
-Python, python-can, cantools, pyserial and numpy.
+python3 hil_scripts/tests/test_soak.py; Needs Aravis for the system's Python, python-can, cantools, pyserial and numpy.
 """
 
 import json

@@ -3,7 +3,6 @@
 The elements of the crossing bench are followed by skyfield (SGP4, TEME to ICRF with precession, nutation and bias,
 light time, aberration), with the barycentric Earth of erfa, and projected by a pinhole with distortion written here.
 These are compared with the end points that the program reports for each streak, and those fitted to its images' pixels.
-STARLOOP_BINARY names the program (default target/release/starloop).
 """
 
 import math

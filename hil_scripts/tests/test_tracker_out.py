@@ -1,7 +1,7 @@
 """The telemetry of star trackers with other people's clients: python3 hil_scripts/tests/test_tracker_out.py
 
-STARLOOP_BINARY names the program (default target/release/starloop). Needs canopen, python-can, pyserial, spacepackets, xxhash
-(requirements_flight_computer.txt, requirements_interop.txt), a C compiler, and nc.
+Needs canopen, python-can, pyserial, spacepackets, xxhash (requirements_flight_computer.txt, requirements_interop.txt),
+a C compiler, and nc.
 
 A head turns by a degree; the attitude that each client receives is compared with the truth of the frame of its time tag, in
 the recording. A tracker without errors shows what the protocol costs: its resolution. The latency is what packets say of

@@ -1,9 +1,9 @@
 """Reports about star trackers: python3 hil_scripts/tests/test_tracker_report.py
 
-The built-in tracker and cedar-solve, a tracker of other people, fly a short plan. Known errors that are added to a log come
-back within their confidence intervals; a wrong sign and swapped axes are found. cedar-solve has an environment of its own
-below target (STARLOOP_CEDAR_ENVIRONMENT names another one), made from PyPI when it is missing. STARLOOP_BINARY names the
-program (default target/release/starloop). Standard library only.
+The built-in tracker and cedar-solve, a tracker of other people, fly a short plan. Known errors that are added to a log
+come back within their confidence intervals; a wrong sign and swapped axes are found. cedar-solve has an environment of
+its own below target (STARLOOP_CEDAR_ENVIRONMENT names another one), made from PyPI when it is missing. Standard library
+only.
 """
 
 import csv

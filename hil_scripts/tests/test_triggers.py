@@ -1,9 +1,9 @@
 """Triggers that start exposures on the real clock: python3 hil_scripts/tests/test_triggers.py
 
-Edges of a trigger line, the control socket, a message of the bus and a network camera's client; the delays from command to
-exposure are printed as a table, and measured only. The line is a named pipe with events of the kernel's form; where the kernel
-has simulated GPIO chips (/sys/kernel/config/gpio-sim, writable), the same is done with one of those. STARLOOP_BINARY names the
-program (default target/release/starloop). Needs aravis (apt) beside requirements_flight_computer.txt.
+Edges of a trigger line, the control socket, a message of the bus and a network camera's client; the delays from command
+to exposure are printed as a table, and measured only. The line is a named pipe with events of the kernel's form; where
+the kernel has simulated GPIO chips (/sys/kernel/config/gpio-sim, writable), the same is done with one of those. Needs
+aravis (apt) beside requirements_flight_computer.txt.
 """
 
 import os

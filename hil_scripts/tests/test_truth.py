@@ -1,7 +1,4 @@
-"""Tests of what data sets rely on: seeds of sensor and noise, smear: python3 hil_scripts/tests/test_truth.py
-
-STARLOOP_BINARY names the program (default target/release/starloop).
-"""
+"""Tests of what data sets rely on: seeds of sensor and noise, smear: python3 hil_scripts/tests/test_truth.py"""
 
 import math
 import unittest

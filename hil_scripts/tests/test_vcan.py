@@ -1,9 +1,8 @@
 """starloop on a kernel with CAN, against can-utils: python3 hil_scripts/tests/test_vcan.py
 
-STARLOOP_BINARY names the program (default target/release/starloop). Without vcan0 the script starts itself again
-inside user-mode Linux (uml_vcan.sh); exit status 125 and the reason where that is unavailable. STARLOOP_NO_VCAN=1 skips every
-test. The tests take interfaces down, set the system's clock and flood the bus: they run as root on a machine
-of their own, which the guest is.
+Without vcan0 the script starts itself again inside user-mode Linux (uml_vcan.sh); exit status 125 and the reason where
+that is unavailable. STARLOOP_NO_VCAN=1 skips every test. The tests take interfaces down, set the system's clock and
+flood the bus: they run as root on a machine of their own, which the guest is.
 """
 
 import os

@@ -1,8 +1,7 @@
 """Tests of the WCS in FITS headers with astropy: python3 hil_scripts/tests/test_wcs.py
 
-astropy puts the catalog place of every truth star where the truth has its pixel, in frames of three cameras (one distorted),
-binned, windowed, at a pole, rendered and recorded. Nothing moves in them: the WCS is that of mid-exposure.
-STARLOOP_BINARY names the program (default target/release/starloop).
+astropy puts the catalog place of every truth star where the truth has its pixel, in frames of three cameras (one
+distorted), binned, windowed, at a pole, rendered and recorded. Nothing moves in them: the WCS is that of mid-exposure.
 """
 
 import unittest
