@@ -1,11 +1,13 @@
 """A client of network cameras for tests: GVCP and GVSP from their definition, features by the reference GenApi.
 
-Shares no code with what it tests. Needs genicam (PyPI) for `Client.nodes`. Times are in ns of the camera's clock.
+Shares no code with what it tests. `turned_as_stamped` judges the attitudes that cameras report. Needs genicam (PyPI) for `Client.nodes`. Times are in ns of the camera's clock.
 """
 
 import io
+import math
 import socket
 import struct
+import subprocess
 import zipfile
 
 PATIENCE_S = 60.0
@@ -24,8 +26,23 @@ class Refused(RuntimeError):
         self.status = status
 
 
+def arv_tool(address, *words):
+    """Returns what Aravis's command says about a camera."""
+    command = ["arv-tool-0.8", "-a", address, *words]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
+    return done.stdout + done.stderr
+
+
 def bits_of(address):
     return struct.unpack(">I", socket.inet_aton(address))[0]
+
+
+def turned_as_stamped(test, places, arcsec):
+    """Attitudes (ns, w x y z) turn by as much as their time stamps say, at 1 deg/s."""
+    (first_ns, first), rest = places[0], places[1:]
+    for at_ns, wxyz in rest:
+        turned = 2.0 * math.acos(min(1.0, abs(sum(a * b for a, b in zip(first, wxyz)))))
+        test.assertAlmostEqual(turned / arcsec, (at_ns - first_ns) * 1e-9 * 3600.0, delta=2.0)
 
 
 class Client:
@@ -85,8 +102,8 @@ class Client:
                 data = archive.read(archive.namelist()[0])
         return data.decode().rstrip("\n\0")
 
-    def nodes(self):
-        """The features, by the reference GenApi; the object must live as long as they are used."""
+    def nodes(self, xml=None):
+        """The features by the reference GenApi, of the camera's description or another; the object must live as long as they are used."""
         from genicam.genapi import AbstractPort, EAccessMode, NodeMap
 
         client = self
@@ -105,7 +122,7 @@ class Client:
                 client.write(place, data)
 
         nodes = NodeMap()
-        nodes.load_xml_from_string(self.xml)
+        nodes.load_xml_from_string(xml or self.xml)
         self.port = Port()
         nodes.connect(self.port, "Device")
         return nodes

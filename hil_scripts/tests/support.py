@@ -162,6 +162,10 @@ def free_port(kind=socket.SOCK_STREAM):
         return probe.getsockname()[1]
 
 
+ADDRESSES = (f"127.{2 + os.getpid() // 250 % 250}.{1 + os.getpid() % 250}.{last}" for last in range(1, 250))
+"""Addresses of this run: several runs on one machine do not meet."""
+
+
 def until(what, is_so, patience_s=PATIENCE_S, every_s=0.01):
     """Asks until the answer is true; returns the answer. `what` is the text of a failure, or makes it."""
     end = time.monotonic() + patience_s

@@ -4,7 +4,6 @@ Events of the message channel are taken by the reference GenApi and by tshark; a
 instant, and the attitude of a slew is that of their exposures. Needs genicam (PyPI), tshark and aravis-tools-cli (apt).
 """
 
-import math
 import struct
 import subprocess
 import tempfile
@@ -12,7 +11,7 @@ import unittest
 from pathlib import Path
 
 from support import ARCSEC
-from gvcp_client import ACTION, Client, Messages, Refused, Stream, bits_of, STREAM_ADDRESS, STREAM_PORT
+from gvcp_client import ACTION, STREAM_ADDRESS, STREAM_PORT, Client, Messages, Refused, Stream, bits_of, turned_as_stamped
 from test_camera_genicam import Bench
 
 SECOND_NS = 1_000_000_000
@@ -181,7 +180,7 @@ class Actions(unittest.TestCase):
             self.assertEqual(late.exception.status, 0x8016, "too late")
             self.assertIsNone(receiver.stream.frame(patience_s=0.5))
         self.assertEqual(lateness_ns, [0] * len(lateness_ns), "to the nanosecond")
-        self.turned_as_stamped(places)
+        turned_as_stamped(self, places, ARCSEC)
 
     def test_actions_at_once_start_exposures_of_a_slew(self):
         with Bench(slew=SLEW) as bench, Receiver(bench) as receiver:
@@ -202,18 +201,10 @@ class Actions(unittest.TestCase):
             payload = struct.pack(">III", KEYS[0], KEYS[1], 8)
             receiver.client.socket.sendto(struct.pack(">BBHHH", 0x42, 0, ACTION, 12, 9) + payload, (bench.address, 3956))
             self.assertIsNone(receiver.stream.frame(patience_s=0.5), "meant for other cameras")
-        self.turned_as_stamped(places)
+        turned_as_stamped(self, places, ARCSEC)
         delays_us.sort()
         middle, most = delays_us[len(delays_us) // 2], delays_us[-1]
         print(f"\naction to exposure, us: p50 {middle:.0f}, p99 and largest {most:.0f} of {len(delays_us)}")
-
-    def turned_as_stamped(self, places):
-        """The attitude turns by as much as the time stamps say, at 1 deg/s."""
-        (first_ns, first), rest = places[0], places[1:]
-        for at_ns, wxyz in rest:
-            dot = abs(sum(a * b for a, b in zip(first, wxyz)))
-            turned = 2.0 * math.acos(min(1.0, dot))
-            self.assertAlmostEqual(turned / ARCSEC, (at_ns - first_ns) * 1e-9 * 3600.0, delta=2.0)
 
 
 if __name__ == "__main__":

@@ -5,8 +5,6 @@ by the names of GenICam SFNC. Needs aravis-tools-cli, gir1.2-aravis-0.8, python3
 """
 
 import json
-import math
-import os
 import re
 import subprocess
 import sys
@@ -15,12 +13,10 @@ import time
 import unittest
 from pathlib import Path
 
-from support import ARCSEC, BINARY, ROOT, SYSTEM_PYTHON
+from gvcp_client import arv_tool, turned_as_stamped
+from support import ADDRESSES, ARCSEC, BINARY, CAMERA, SYSTEM_PYTHON, Running, until
 
-# The Python that has gi: the system's, not that of a virtual environment.
 PATIENCE_S = 60.0
-# Addresses of this run: several runs on one machine do not meet.
-ADDRESSES = (f"127.{2 + os.getpid() // 250 % 250}.{1 + os.getpid() % 250}.{last}" for last in range(1, 250))
 BLACK_DN, FULL_DN, GAIN_E_PER_DN, READ_NOISE_E = 100.0, 4095.0, 25.1, 55.0
 #: Signal of every pixel, e-/s.
 LIGHT_E_PER_S = 80000.0
@@ -51,52 +47,43 @@ address = "{address}"
 """
 
 
-class Bench:
+class Bench(Running):
     """A run with a network camera, until the end of a `with` block."""
 
     def __init__(self, slew="", events="", head=""):
         self.folder = tempfile.TemporaryDirectory()
         folder = Path(self.folder.name)
-        camera = (ROOT / "configs/cameras/small_tracker.toml").read_text()
+        camera = CAMERA.read_text()
         for key, value in (("prnu", 0.0), ("dsnu_e_rms", 0.0), ("dark_e_per_s", LIGHT_E_PER_S), ("limiting_mag", 3.5)):
             camera, changed = re.subn(rf"(?m)^{key} = \S+", f"{key} = {value}", camera)
             assert changed == 1, key
         (folder / "small.toml").write_text(camera)
         self.address = next(ADDRESSES)
         (folder / "bench.toml").write_text(BENCH.format(slew=slew, events=events, address=self.address) + head)
-        command = [BINARY, "run", str(folder / "bench.toml"), "--clock", "real", "--json"]
-        self.log = open(folder / "said", "w+")
-        self.process = subprocess.Popen(command, stdout=self.log, stderr=subprocess.STDOUT, text=True)
-        until = time.monotonic() + PATIENCE_S
-        while "Width" not in self.arv_tool("control", "Width"):
-            assert time.monotonic() < until and self.process.poll() is None, self.said()
-            time.sleep(0.1)
-
-    def said(self):
-        return Path(self.log.name).read_text()
+        super().__init__(BINARY, "run", folder / "bench.toml", "--clock", "real", "--json")
 
     def __enter__(self):
+        is_there = lambda: self.process.poll() is not None or "Width" in self.arv_tool("control", "Width")
+        until(lambda: "".join(self.said), is_there, PATIENCE_S, every_s=0.1)
+        assert self.process.poll() is None, "".join(self.said)
         return self
 
     def __exit__(self, *_):
         self.process.terminate()
         try:
-            self.process.wait(timeout=PATIENCE_S)
+            self.ended(PATIENCE_S)
         finally:
-            self.process.kill()
-            self.process.wait()
-            self.log.close()
+            super().__exit__()
             self.folder.cleanup()
 
     def arv_tool(self, *words):
-        done = subprocess.run(["arv-tool-0.8", "-a", self.address, *words], capture_output=True, text=True, timeout=PATIENCE_S)
-        return done.stdout + done.stderr
+        return arv_tool(self.address, *words)
 
     def client(self, what, **wanted):
         """Runs a function of this file as a client, in the system's Python."""
         request = json.dumps({"address": self.address, "what": what, **wanted})
         done = subprocess.run([SYSTEM_PYTHON, __file__, "--client", request], capture_output=True, text=True, timeout=4 * PATIENCE_S)
-        assert done.returncode == 0, done.stderr + self.said()[-2000:]
+        assert done.returncode == 0, done.stderr + "".join(self.said)[-2000:]
         return json.loads(done.stdout.splitlines()[-1])
 
 
@@ -354,12 +341,7 @@ class Commanded(unittest.TestCase):
         self.assertLessEqual(least, most)
         before, stamp, after = calls[7]
         self.assertLess(min(most, after - (stamp + 100_000_000_000)), least, "control: an exposure that starts later")
-        # The attitude turns by as much as the time stamps say.
-        (first_ns, first), rest = places[0], places[1:]
-        for at_ns, wxyz in rest:
-            dot = abs(sum(a * b for a, b in zip(first, wxyz)))
-            turned = 2.0 * math.acos(min(1.0, dot))
-            self.assertAlmostEqual(turned / ARCSEC, (at_ns - first_ns) * 1e-9 * 3600.0, delta=2.0)
+        turned_as_stamped(self, places, ARCSEC)
         delays = sorted((stamp + least - before) * 1e-3 for before, stamp, _ in calls)
         print(f"\ncall to trigger, us beyond the shortest: p50 {delays[len(delays) // 2]:.0f}, p99 and largest {delays[-1]:.0f} of {len(delays)}")
 

@@ -3,44 +3,39 @@
 Needs python-can and pyserial (requirements_flight_computer.txt).
 """
 
+import contextlib
 import errno
 import json
 import os
 import select
-import signal
 import socket
-import subprocess
 import tempfile
 import time
 import unittest
 
 import can
 
-from support import BINARY
+from support import BINARY, Running, starloop, until
 
 # Seconds that a healthy program never needs, on however busy a machine.
 PATIENCE_S = 20.0
 
 
-class Program:
+class Program(Running):
     """`starloop bus` with the three gateways, from its addresses to its summary."""
 
     def __init__(self, *options):
         self.folder = tempfile.TemporaryDirectory()
         self.pty = os.path.join(self.folder.name, "slcan")
-        command = [BINARY, "bus", "--json", "--slcan-tcp", "0", "--slcan-pty", self.pty, "--socketcand", "0", *options]
-        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-        lines = [json.loads(self.process.stdout.readline()) for _ in range(3)]
-        self.addresses = {line["gateway"]: line["address"] for line in lines}
+        super().__init__(BINARY, "bus", "--json", "--slcan-tcp", "0", "--slcan-pty", self.pty, "--socketcand", "0", *options)
 
     def __enter__(self):
+        until(lambda: f"three addresses: {self.said}", lambda: self.process.poll() is not None or len(self.printed) >= 3)
+        self.addresses = {line["gateway"]: line["address"] for line in map(json.loads, self.printed[:3])}
         return self
 
     def __exit__(self, *_):
-        if self.process.poll() is None:
-            self.process.kill()
-            self.process.wait()
-        self.process.stdout.close()
+        super().__exit__()
         self.folder.cleanup()
 
     def port(self, gateway):
@@ -62,22 +57,28 @@ class Program:
         return can.Bus(interface="socketcand", host="127.0.0.1", port=self.port("socketcand"), channel="can0")
 
     def raw(self, gateway):
-        connection = socket.create_connection(("127.0.0.1", self.port(gateway)), timeout=PATIENCE_S)
-        return connection
+        return socket.create_connection(("127.0.0.1", self.port(gateway)), timeout=PATIENCE_S)
+
+    @contextlib.contextmanager
+    def all_settled(self):
+        """The three buses by name, each of which reaches the others."""
+        with self.slcan_tcp() as tcp, self.slcan_pty() as pty, self.socketcand() as daemon:
+            buses = {"slcan_tcp": tcp, "slcan_pty": pty, "socketcand": daemon}
+            for sender in buses.values():
+                settle(sender, *(bus for bus in buses.values() if bus is not sender))
+            yield buses
 
     def stop(self):
         """Ends the program as Ctrl-C does; its summary, gateways by name."""
-        self.process.send_signal(signal.SIGINT)
-        said, _ = self.process.communicate(timeout=PATIENCE_S)
-        summary = json.loads(said.splitlines()[-1])
+        summary = json.loads(super().stop().splitlines()[-1])
         summary["gateways"] = {line["gateway"]: line for line in summary["gateways"]}
         return summary
 
 
 def receive(bus, count=1):
     """The next `count` frames, or as many as come."""
-    messages, until = [], time.monotonic() + PATIENCE_S
-    while len(messages) < count and time.monotonic() < until:
+    messages, end = [], time.monotonic() + PATIENCE_S
+    while len(messages) < count and time.monotonic() < end:
         message = bus.recv(timeout=0.2)
         if message is not None:
             messages.append(message)
@@ -107,13 +108,7 @@ def extended(identifier, data=b"", **options):
 def settle(bus, *others):
     """Opening is not confirmed to python-can: sends until `bus` reaches each of `others`, then until they are quiet."""
     for other in others:
-        until = time.monotonic() + PATIENCE_S
-        while time.monotonic() < until:
-            bus.send(classic(0x7E0))
-            if other.recv(timeout=0.05) is not None:
-                break
-        else:
-            raise AssertionError("the buses never received from each other")
+        until("the buses receive from each other", lambda: bus.send(classic(0x7E0)) or other.recv(timeout=0.05), PATIENCE_S)
     for other in others:
         while other.recv(timeout=0.1) is not None:
             pass
@@ -129,21 +124,17 @@ def read_until(connection, ending):
     return said
 
 
-def becomes_empty(line):
-    """Waits until a line that somebody else empties has nothing to read."""
-    until = time.monotonic() + PATIENCE_S
-    while select.select([line], [], [], 0)[0] and time.monotonic() < until:
-        time.sleep(0.01)
-    return time.monotonic() < until
+def open_raw(line):
+    """Opens the bus for a client of socketcand."""
+    for said, answer in ((b"", b"< hi >"), (b"< open can0 >", b"< ok >"), (b"< rawmode >", b"< ok >")):
+        line.sendall(said)
+        assert (got := read_until(line, b">")) == answer, got
 
 
 class FramesGoEverywhere(unittest.TestCase):
     def test_each_reaches_the_others_both_ways(self):
         with Program() as program:
-            with program.slcan_tcp() as tcp, program.slcan_pty() as pty, program.socketcand() as daemon:
-                buses = {"slcan_tcp": tcp, "slcan_pty": pty, "socketcand": daemon}
-                for sender in buses.values():
-                    settle(sender, *(bus for bus in buses.values() if bus is not sender))
+            with program.all_settled() as buses:
                 for number, (name, sender) in enumerate(buses.items()):
                     sent = [classic(0x100 + number, bytes(range(length))) for length in range(9)]
                     for message in sent:
@@ -164,11 +155,8 @@ class FramesGoEverywhere(unittest.TestCase):
 
     def test_identifiers_of_11_and_29_bits_are_not_confused(self):
         with Program() as program:
-            with program.slcan_tcp() as tcp, program.slcan_pty() as pty, program.socketcand() as daemon:
-                buses = {"slcan_tcp": tcp, "slcan_pty": pty, "socketcand": daemon}
+            with program.all_settled() as buses:
                 sent = [classic(0x123, b"11"), extended(0x123, b"29"), extended(0x18FF1234, b"j"), extended(0x1FFFFFFF)]
-                for sender in buses.values():
-                    settle(sender, *(bus for bus in buses.values() if bus is not sender))
                 for name, sender in buses.items():
                     for message in sent:
                         sender.send(message)
@@ -179,8 +167,8 @@ class FramesGoEverywhere(unittest.TestCase):
                                 self.assertEqual(content(got), content(sent))
                                 self.assertEqual(lengths(got), [False, True, True, True])
                 long = extended(0x18FF0301, bytes(48), is_fd=True, bitrate_switch=True)
-                tcp.send(long)
-                got = receive(pty)
+                buses["slcan_tcp"].send(long)
+                got = receive(buses["slcan_pty"])
                 self.assertEqual((content(got), lengths(got)), (content([long]), [True]))
             for line in program.stop()["gateways"].values():
                 self.assertEqual(line["rejects"], {})
@@ -339,9 +327,8 @@ class BadClients(unittest.TestCase):
     def test_a_line_is_free_again_when_its_client_has_left(self):
         with Program() as program:
             for _ in range(3):
-                until = time.monotonic() + PATIENCE_S
-                answer = b""
-                while not answer.startswith(b"V") and time.monotonic() < until:
+                answer, end = b"", time.monotonic() + PATIENCE_S
+                while not answer.startswith(b"V") and time.monotonic() < end:
                     with program.raw("slcan_tcp") as line:
                         line.sendall(b"V\r")
                         answer = line.recv(64)
@@ -367,11 +354,7 @@ class BadClients(unittest.TestCase):
                 line.sendall(b"O\r" + b"t" + b"1" * 100_000 + b"\r" + bytes(range(14, 256)) + b"\r" + b"t0321FF\r")
                 self.assertEqual(content(receive(listener)), [(0x032, b"\xff", False)])
             with program.raw("socketcand") as line:
-                self.assertEqual(read_until(line, b">"), b"< hi >")
-                line.sendall(b"< open can0 >")
-                self.assertEqual(read_until(line, b">"), b"< ok >")
-                line.sendall(b"< rawmode >")
-                self.assertEqual(read_until(line, b">"), b"< ok >")
+                open_raw(line)
                 noise = bytes(byte for byte in range(128, 256))
                 line.sendall(noise + b"< " + b"x" * 100_000 + b">" + b"< send 33 1 fe >")
                 self.assertEqual(content(receive(listener)), [(0x033, b"\xfe", False)])
@@ -446,9 +429,7 @@ class BadClients(unittest.TestCase):
                 deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
                 deaf.sendall(b"O\r")
                 self.assertEqual(deaf.recv(1), b"\r")
-                for said, answer in ((b"", b"< hi >"), (b"< open can0 >", b"< ok >"), (b"< rawmode >", b"< ok >")):
-                    sender.sendall(said)
-                    self.assertEqual(read_until(sender, b">"), answer)
+                open_raw(sender)
                 self.assertEqual(self.count_frames(healthy, sender, count), count)
             line = program.stop()["gateways"]
             self.assertEqual(line["socketcand"]["from_clients"], count)
@@ -463,8 +444,8 @@ class BadClients(unittest.TestCase):
         rest = b""
         for _ in range(count // 1000):
             sender.sendall(b"< send 123 8 1 2 3 4 5 6 7 8 >" * 1000)
-            wanted, until = got + 1000, time.monotonic() + PATIENCE_S
-            while got < wanted and time.monotonic() < until:
+            wanted, end = got + 1000, time.monotonic() + PATIENCE_S
+            while got < wanted and time.monotonic() < end:
                 if select.select([reader], [], [], 0.2)[0]:
                     rest += reader.recv(65536)
                     got += rest.count(b">")
@@ -478,12 +459,10 @@ class BadClients(unittest.TestCase):
             line = os.open(program.pty, os.O_RDWR | os.O_NOCTTY)
             os.write(line, b"O\r")
             with program.raw("socketcand") as sender:
-                for said, answer in ((b"", b"< hi >"), (b"< open can0 >", b"< ok >"), (b"< rawmode >", b"< ok >")):
-                    sender.sendall(said)
-                    self.assertEqual(read_until(sender, b">"), answer)
+                open_raw(sender)
                 sender.sendall(b"< send 123 8 1 2 3 4 5 6 7 8 >" * 1000)
                 self.assertTrue(select.select([line], [], [], PATIENCE_S)[0])
-                self.assertTrue(becomes_empty(line), "without a reader the contents of the line are discarded")
+                until("without a reader the contents of the line are discarded", lambda: not select.select([line], [], [], 0)[0], PATIENCE_S)
                 os.write(line, b"O\r")
                 self.assertEqual(os.read(line, 1), b"\r", "what was stale is gone")
                 sender.sendall(b"< send 456 0 >")
@@ -494,9 +473,7 @@ class BadClients(unittest.TestCase):
 
 class CommandLine(unittest.TestCase):
     def refused(self, *options):
-        done = subprocess.run([BINARY, "bus", *options], capture_output=True, text=True, timeout=PATIENCE_S)
-        self.assertIn(done.returncode, (1, 2), done.stderr)
-        return done.stderr
+        return starloop("bus", *options, status=(1, 2), timeout=PATIENCE_S).stderr
 
     def test_unsupported_requests_are_reported(self):
         self.assertIn("--slcan-tcp", self.refused())
@@ -510,18 +487,13 @@ class CommandLine(unittest.TestCase):
             self.assertIn("another program", self.refused("--socketcand", str(taken.getsockname()[1])))
 
     def test_it_ends_by_itself_after_its_duration(self):
-        done = subprocess.run(
-            [BINARY, "bus", "--slcan-tcp", "0", "--duration", "0.2"], capture_output=True, text=True, timeout=PATIENCE_S
-        )
+        done = starloop("bus", "--slcan-tcp", "0", "--duration", "0.2", timeout=PATIENCE_S)
         self.assertEqual((done.returncode, done.stderr), (0, ""))
         self.assertIn("slcan (TCP)", done.stdout)
         self.assertIn("0 frames, load 0.0 %", done.stdout)
 
     def test_an_address_that_is_not_loopback_is_warned_about(self):
-        done = subprocess.run(
-            [BINARY, "bus", "--slcan-tcp", "0.0.0.0:0", "--duration", "0.2"], capture_output=True, text=True, timeout=PATIENCE_S
-        )
-        self.assertEqual(done.returncode, 0)
+        done = starloop("bus", "--slcan-tcp", "0.0.0.0:0", "--duration", "0.2", status=0, timeout=PATIENCE_S)
         self.assertIn("no password", done.stderr)
 
 

@@ -23,15 +23,12 @@ import time
 import unittest
 from pathlib import Path
 
-from support import PROGRAM, SYSTEM_PYTHON
-from gvcp_client import STREAM_ADDRESS, STREAM_PORT, Client, Refused, Stream, bits_of
+from support import ADDRESSES, PROGRAM, SYSTEM_PYTHON
+from gvcp_client import STREAM_ADDRESS, STREAM_PORT, Client, Refused, Stream, arv_tool, bits_of
 
 FEED = os.environ.get("STARLOOP_CAMERA_FEED", str(PROGRAM.parent / "examples/camera_feed"))
-# The Python that has gi: the system's, not that of a virtual environment.
 # Seconds that a healthy program never needs, on however busy a machine.
 PATIENCE_S = 60.0
-# Addresses of this run: several runs on one machine do not meet.
-ADDRESSES = (f"127.{1 + os.getpid() // 250 % 250}.{1 + os.getpid() % 250}.{last}" for last in range(1, 250))
 # Bits of a sample, and of a sample in memory.
 FORMATS = {"Mono8": 8, "Mono10": 10, "Mono10Packed": 10, "Mono10p": 10, "Mono12": 12, "Mono12Packed": 12, "Mono12p": 12,
            "Mono14": 14, "Mono14p": 14, "Mono16": 16}
@@ -76,9 +73,16 @@ class Camera:
         return Grab(self.address, **wanted)
 
     def arv_tool(self, *words):
-        done = subprocess.run(["arv-tool-0.8", "-a", self.address, *words], capture_output=True, text=True,
-                              timeout=PATIENCE_S)
-        return done.stdout + done.stderr
+        return arv_tool(self.address, *words)
+
+    def gstreamer(self, count, caps):
+        """The bytes of frames that GStreamer's aravissrc gives to a file."""
+        with tempfile.TemporaryDirectory() as folder:
+            out = Path(folder) / "frames.raw"
+            words = f"aravissrc camera-name={self.address} num-buffers={count} ! {caps} ! filesink location={out}".split()
+            done = subprocess.run(["gst-launch-1.0", "-q", *words], capture_output=True, text=True, timeout=PATIENCE_S)
+            assert done.returncode == 0, done.stderr
+            return out.read_bytes()
 
 
 def fits_pixels(path):
@@ -139,6 +143,8 @@ class Grab:
 
     def __init__(self, address, **wanted):
         self.folder = tempfile.TemporaryDirectory()
+        if wanted.get("chunks"):
+            wanted["set"] = [*wanted.get("set", [])]
         request = {"address": address, "folder": self.folder.name, **wanted}
         self.process = subprocess.Popen([SYSTEM_PYTHON, __file__, "--grab", json.dumps(request)], stdin=subprocess.PIPE,
                                         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
@@ -294,7 +300,7 @@ class Aravis(unittest.TestCase):
     def test_every_format_is_bit_exact_with_its_truth_by_name(self):
         for pixel_format in FORMATS:
             with self.subTest(pixel_format), Camera() as camera:
-                features = [["PixelFormat", pixel_format], ["ChunkModeActive", True]]
+                features = [["PixelFormat", pixel_format]]
                 reported = camera.grab(set=features, frames=4, chunks=True).result()
             self.bit_exact(camera, reported["frames"], pixel_format)
             self.assertEqual(len(reported["frames"]), 4)
@@ -320,21 +326,21 @@ class Aravis(unittest.TestCase):
 
     def test_a_region_is_cut_out(self):
         region = [5, 7, 33, 20]
-        features = [["Width", 33], ["Height", 20], ["OffsetX", 5], ["OffsetY", 7], ["ChunkModeActive", True]]
+        features = [["Width", 33], ["Height", 20], ["OffsetX", 5], ["OffsetY", 7]]
         with Camera(xml="plain") as camera:
             reported = camera.grab(set=features, frames=3, chunks=True).result()
         self.bit_exact(camera, reported["frames"], "Mono12", region)
 
     def test_a_changed_pixel_is_noticed(self):
         with Camera() as camera:
-            reported = camera.grab(set=[["ChunkModeActive", True]], frames=1, chunks=True).result()
+            reported = camera.grab(frames=1, chunks=True).result()
         camera.images[reported["frames"][0]["integer"]["ChunkFrameID"]][3, 4] ^= 1
         with self.assertRaises(AssertionError):
             self.bit_exact(camera, reported["frames"], "Mono12")
 
     def test_ten_percent_of_lost_packets_are_repaired(self):
         with Camera(width=256, height=256, lose_one_in=10, frames_kept=32, frames_queued=16, rate_hz=10) as camera:
-            features = [["ChunkModeActive", True], ["GevSCPSPacketSize", 1500]]
+            features = [["GevSCPSPacketSize", 1500]]
             reported = camera.grab(set=features, frames=20, chunks=True, buffers=40, socket_bytes=4 << 20).result()
         self.assertEqual(len(reported["frames"]), 20)
         self.bit_exact(camera, reported["frames"], "Mono12")
@@ -344,7 +350,7 @@ class Aravis(unittest.TestCase):
     def test_single_and_multi_frame(self):
         for mode, frames, more in [("SingleFrame", 1, []), ("MultiFrame", 3, [["AcquisitionFrameCount", 3]])]:
             with self.subTest(mode), Camera() as camera:
-                features = [["AcquisitionMode", mode], *more, ["ChunkModeActive", True]]
+                features = [["AcquisitionMode", mode], *more]
                 reported = camera.grab(set=features, frames=10, chunks=True, seconds=2).result()
             self.assertEqual(len(reported["frames"]), frames)
             self.bit_exact(camera, reported["frames"], "Mono12")
@@ -352,21 +358,21 @@ class Aravis(unittest.TestCase):
 
     def test_a_second_acquisition_of_one_stream_has_its_frames(self):
         with Camera(rate_hz=10) as camera:
-            reported = camera.grab(set=[["ChunkModeActive", True]], frames=5, more=3, chunks=True).result()
+            reported = camera.grab(frames=5, more=3, chunks=True).result()
         self.assertEqual(len(reported["frames"]), 8)
         blocks = [frame["block"] for frame in reported["frames"]]
         self.assertEqual(blocks, sorted(set(blocks)), "Aravis takes lower numbers for late blocks")
 
     def test_a_lower_rate_is_each_nth_frame(self):
         with Camera(rate_hz=40) as camera:
-            reported = camera.grab(rate_hz=10.0, set=[["ChunkModeActive", True]], frames=6, chunks=True).result()
+            reported = camera.grab(rate_hz=10.0, frames=6, chunks=True).result()
         self.bit_exact(camera, reported["frames"], "Mono12")
         numbers = [frame["integer"]["ChunkFrameID"] for frame in reported["frames"]]
         self.assertEqual(numbers, list(range(numbers[0], numbers[0] + 4 * 6, 4)))
         self.assertEqual(reported["rate_hz"], [10.0, 40 / 65535, 40.0])
 
     def test_software_triggers_choose_frames(self):
-        features = [["TriggerMode", "On"], ["TriggerSource", "Software"], ["ChunkModeActive", True]]
+        features = [["TriggerMode", "On"], ["TriggerSource", "Software"]]
         for triggers in (0, 3):
             with self.subTest(triggers=triggers), Camera() as camera:
                 reported = camera.grab(set=features, triggers=triggers, frames=10, chunks=True, seconds=2).result()
@@ -374,7 +380,7 @@ class Aravis(unittest.TestCase):
 
     def test_an_action_command_chooses_a_frame(self):
         features = [["TriggerMode", "On"], ["TriggerSource", "Action1"], ["ActionDeviceKey", 11], ["ActionGroupKey", 22],
-                    ["ActionGroupMask", 6], ["ChunkModeActive", True]]
+                    ["ActionGroupMask", 6]]
         with Camera() as camera, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
             sender.settimeout(PATIENCE_S)
             grab = camera.grab(set=features, frames=10, chunks=True, seconds=3)
@@ -398,7 +404,7 @@ class Aravis(unittest.TestCase):
             first.kill()
             until = time.monotonic() + PATIENCE_S
             while time.monotonic() < until:
-                third = camera.grab(frames=2, chunks=True, set=[["ChunkModeActive", True]])
+                third = camera.grab(frames=2, chunks=True)
                 try:
                     reported = third.result()
                     break
@@ -436,7 +442,7 @@ class Aravis(unittest.TestCase):
             thread = threading.Thread(target=pour)
             thread.start()
             try:
-                reported = camera.grab(set=[["ChunkModeActive", True]], frames=20, chunks=True).result()
+                reported = camera.grab(frames=20, chunks=True).result()
             finally:
                 ended.set()
                 thread.join()
@@ -450,7 +456,7 @@ class Aravis(unittest.TestCase):
             listed = subprocess.run(["arv-tool-0.8"], capture_output=True, text=True, timeout=PATIENCE_S).stdout
             for head in heads:
                 self.assertIn(head.address, listed)
-            grabs = [head.grab(set=[["ChunkModeActive", True]], frames=5, chunks=True) for head in heads]
+            grabs = [head.grab(frames=5, chunks=True) for head in heads]
             reported = [grab.result() for grab in grabs]
         for head, of_head in zip(heads, reported):
             self.bit_exact(head, of_head["frames"], "Mono12")
@@ -591,7 +597,7 @@ class Colours(unittest.TestCase):
 
         for pattern, letters in self.PATTERNS.items():
             with self.subTest(pattern), Camera(colours=pattern) as camera:
-                features = [["PixelFormat", f"Bayer{letters}12"], ["ChunkModeActive", True]]
+                features = [["PixelFormat", f"Bayer{letters}12"]]
                 reported = camera.grab(set=features, frames=2, chunks=True).result()
             for frame in reported["frames"]:
                 number = frame["integer"]["ChunkFrameID"]
@@ -614,13 +620,8 @@ class Colours(unittest.TestCase):
             self.assertNotIn("OffsetX = 3 ", reported)
 
     def test_gstreamer_sees_a_bayer_image(self):
-        with Camera(colours="GBRG") as camera, tempfile.TemporaryDirectory() as folder:
-            out = Path(folder) / "frames.raw"
-            launch = ["gst-launch-1.0", "-q", "aravissrc", f"camera-name={camera.address}", "num-buffers=2", "!",
-                      "video/x-bayer,format=gbrg", "!", "filesink", f"location={out}"]
-            done = subprocess.run(launch, capture_output=True, text=True, timeout=PATIENCE_S)
-            self.assertEqual(done.returncode, 0, done.stderr)
-            data = out.read_bytes()
+        with Camera(colours="GBRG") as camera:
+            data = camera.gstreamer(2, "video/x-bayer,format=gbrg")
         self.assertEqual(len(data), 2 * 64 * 48)
         recorded = [shifted(image, "Mono8").astype("uint8").tobytes() for image in camera.images.values()]
         self.assertIn(data[:64 * 48], recorded)
@@ -630,13 +631,8 @@ class Others(unittest.TestCase):
     """Clients that are not Aravis' Python."""
 
     def test_gstreamer_gets_the_frames(self):
-        with Camera(width=64, height=48) as camera, tempfile.TemporaryDirectory() as folder:
-            out = Path(folder) / "frames.raw"
-            launch = ["gst-launch-1.0", "-q", "aravissrc", f"camera-name={camera.address}", "num-buffers=4", "!",
-                      "video/x-raw,format=GRAY8", "!", "filesink", f"location={out}"]
-            done = subprocess.run(launch, capture_output=True, text=True, timeout=PATIENCE_S)
-            self.assertEqual(done.returncode, 0, done.stderr)
-            data = out.read_bytes()
+        with Camera(width=64, height=48) as camera:
+            data = camera.gstreamer(4, "video/x-raw,format=GRAY8")
         size = 64 * 48
         self.assertEqual(len(data), 4 * size)
         recorded = {shifted(image, "Mono8").astype("uint8").tobytes(): number for number, image in camera.images.items()}
@@ -645,15 +641,10 @@ class Others(unittest.TestCase):
         self.assertEqual(numbers, sorted(numbers))
 
     def test_the_reference_genapi_takes_the_xml(self):
-        from genicam.genapi import NodeMap
-
         with Camera(xml="plain") as camera:
             text = camera.arv_tool("genicam")
-            xml = text[text.index("<?xml"):text.rindex(">") + 1]
-            port = ControlPort(camera.address)
-            nodes = NodeMap()
-            nodes.load_xml_from_string(xml)
-            nodes.connect(port, "Device")
+            client = Client(camera.address)
+            nodes = client.nodes(text[text.index("<?xml"):text.rindex(">") + 1])
             self.assertEqual(nodes.get_node("Width").value, 64)
             self.assertEqual(nodes.get_node("Width").max, 64)
             nodes.get_node("Width").value = 40
@@ -665,7 +656,7 @@ class Others(unittest.TestCase):
             self.assertGreater(nodes.get_node("TimestampLatchValue").value, 1_600_000_000_000_000_000)
             with self.assertRaises(Exception):
                 nodes.get_node("Width").value = 65
-            port.close()
+            client.close()
 
     def test_arv_test_finds_no_fault(self):
         with tempfile.TemporaryDirectory() as folder:
@@ -688,54 +679,6 @@ class Others(unittest.TestCase):
         self.assertGreater(len(results), 12, done.stdout + done.stderr)
         # Among them: frames come at the 10 and 5 Hz that the program asks for, each third and sixth of the bench's.
         self.assertEqual(failed, set(), done.stdout)
-
-
-class ControlPort:
-    """The reference GenApi's way into the registers: GVCP spoken from its definition, not with our code."""
-
-    def __new__(cls, address):
-        from genicam.genapi import EAccessMode, AbstractPort
-
-        class Port(AbstractPort):
-            def __init__(self):
-                super().__init__()
-                self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-                self.socket.settimeout(PATIENCE_S)
-                self.socket.connect((address, 3956))
-                # A command under the number of the last one is taken for that one again.
-                self.number = 0
-                # A client proves its address: it reads the XML at the place that is shown to it. Others may not change frames.
-                url = self.read(0x200, 512).split(b"\0")[0].decode()
-                self.read(int(url.split(";")[1], 16), 4)
-                self.ask(0x0082, struct.pack(">II", 0xA00, 2))
-
-            def ask(self, code, payload):
-                self.number = self.number % 65535 + 1
-                self.socket.send(struct.pack(">BBHHH", 0x42, 1, code, len(payload), self.number) + payload)
-                answer = self.socket.recv(1024)
-                status, reported, length, number = struct.unpack(">HHHH", answer[:8])
-                assert number == self.number
-                if status != 0:
-                    raise RuntimeError(f"status {status:x}")
-                assert reported == code + 1 and length == len(answer) - 8
-                return answer[8:]
-
-            def is_open(self):
-                return True
-
-            def get_access_mode(self):
-                return EAccessMode.RW
-
-            def read(self, place, length):
-                return self.ask(0x0084, struct.pack(">IHH", place, 0, length))[4:]
-
-            def write(self, place, data):
-                self.ask(0x0086, struct.pack(">I", place) + bytes(data))
-
-            def close(self):
-                self.socket.close()
-
-        return Port()
 
 
 # --- rates ------------------------------------------------------------------------------------------------------------
