@@ -32,6 +32,20 @@ def put_between(path, marks, text):
     path.write_text(f"{before}{marks[0]}\n\n{text}\n{marks[1]}{after}")
 
 
+def fits_of(path):
+    """Returns the cards of a FITS file, as text by keyword, and its pixels as DN, the first row at the top."""
+    import numpy
+
+    data, cards, place = pathlib.Path(path).read_bytes(), {}, 0
+    while not (card := data[place : place + 80].decode("ascii")).startswith("END "):
+        cards[card[:8].strip()] = card[10:].split("/")[0].strip(" '")
+        place += 80
+    rows, columns = int(cards["NAXIS2"]), int(cards["NAXIS1"])
+    assert float(cards["BZERO"]) == 32768
+    stored = numpy.frombuffer(data, ">u2", rows * columns, (place // 2880 + 1) * 2880)
+    return cards, (stored ^ 0x8000).astype("<u2").reshape(rows, columns)
+
+
 def table(head, rows):
     """Returns the lines of a table in Markdown, of cells that are text."""
     lines = ["| " + " | ".join(cells) + " |" for cells in (head, *rows)]

@@ -18,14 +18,13 @@ import urllib.request
 import zlib
 from pathlib import Path
 
-from page import SYSTEM_PYTHON
+from page import SYSTEM_PYTHON, fits_of
 from starloop.bus_report import classic_s, fd_s
 from starloop.wire import CanTransport, Codec, SerialTransport
 
 HERE = Path(__file__).resolve().parent
 #: An identifier that no message of starloop has, and that yields to all of them; the content of a background frame.
 BACKGROUND_ID, BACKGROUND_BYTES = 0x7F0, 32
-FITS_BLOCK = 2880
 
 
 class Worker:
@@ -106,12 +105,11 @@ class RecorderReader(Worker):
         """Reads the files of a row."""
         number = int(row["frame"])
         image = self.folder / f"frame_{number:06}.fits"
-        data = image.read_bytes()
-        crc32 = fits_crc32(data, int(row["width_px"]) * int(row["height_px"]))
+        crc32 = f"{zlib.crc32(fits_of(image)[1].tobytes()):08x}"
         if crc32 != row["pixel_crc32"] or number in self.frames:
             self.wrong.append(number)
         self.frames[number] = row["pixel_crc32"]
-        self.bytes += len(data)
+        self.bytes += image.stat().st_size
         if not self.keep:
             for ending in ("fits", "truth.csv", "png"):
                 (self.folder / f"frame_{number:06}.{ending}").unlink(missing_ok=True)
@@ -121,18 +119,6 @@ class RecorderReader(Worker):
         if self.error is None:
             self.step()
         return self
-
-
-def fits_crc32(data, pixels):
-    """Returns the CRC-32 of the pixels of a FITS file of 16-bit numbers, as DN in little-endian words."""
-    import numpy
-
-    place = 0
-    while not data[place : place + 80].startswith(b"END "):
-        place += 80
-    start = (place // FITS_BLOCK + 1) * FITS_BLOCK
-    stored = numpy.frombuffer(data, ">u2", pixels, start)
-    return f"{zlib.crc32((stored ^ 0x8000).astype('<u2').tobytes()):08x}"
 
 
 class LiveView(Worker):

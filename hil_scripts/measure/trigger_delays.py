@@ -25,7 +25,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from page import PROGRAM, ROOT, SYSTEM_PYTHON
+from page import PROGRAM, ROOT, SYSTEM_PYTHON, fits_of
 from page import table as table_of
 from starloop.client import Starloop
 from starloop.wire import CanTransport
@@ -149,7 +149,7 @@ class Bench:
         with open(self.out / "frames.csv", newline="") as file:
             rows = list(csv.DictReader(file))
         for row in rows:
-            row["started_by"] = fits_text(self.out / f"frame_{int(row['frame']):06d}.fits", "STARTBY")
+            row["started_by"] = fits_of(self.out / f"frame_{int(row['frame']):06d}.fits")[0]["STARTBY"]
         return rows
 
     def __enter__(self):
@@ -166,16 +166,6 @@ class Bench:
             self.line.close()
             self.log.close()
             self.folder.cleanup()
-
-
-def fits_text(path, key):
-    """The text of a card of a FITS file."""
-    head = path.read_bytes()[: 2880 * 8]
-    for at in range(0, len(head), 80):
-        card = head[at : at + 80].decode("ascii")
-        if card.startswith(f"{key:8}="):
-            return card[10:].split("'")[1].strip()
-    raise KeyError(f"{path} has no {key}")
 
 
 def start_ns(row):

@@ -17,7 +17,6 @@ state in the middle of the exposure. Both programs are deterministic: two runs h
 Conventions: Basilisk writes modified Rodrigues parameters sigma_BN; starloop wants the quaternion w x y z that turns ICRF axes
 into body axes, `starloop.client.wxyz_of_mrp(sigma_BN)`. Basilisk's own Euler parameters are its conjugate.
 """
-
 # mypy: ignore-errors
 
 from __future__ import annotations

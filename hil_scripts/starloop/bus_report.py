@@ -7,7 +7,6 @@
 Load counts every frame with its worst-case stuff bits (ISO 11898-1), as a budget must. --ask also sends INFO commands,
 and prints the round trip to their responses: only when no other program sends commands on this bus.
 """
-
 # mypy: ignore-errors
 
 import argparse

@@ -20,7 +20,6 @@ Ctrl-C. With --requirements it is 4 only where a requirement is not met, or not 
 
 Needs hil_scripts/requirements_campaign.txt. On a cluster (--scheduler) program and scenario have the same paths everywhere.
 """
-
 # mypy: ignore-errors
 
 from __future__ import annotations

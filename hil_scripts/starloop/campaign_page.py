@@ -1,5 +1,4 @@
 """The report about a campaign as one HTML file that needs no other; charts are inline SVG, drawn here."""
-
 # mypy: ignore-errors
 
 from __future__ import annotations

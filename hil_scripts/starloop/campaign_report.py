@@ -11,7 +11,6 @@ Requirements (TOML), `id`, `text`, `metric` and `most` or `least` as for tracker
     where = { "control.delay_ms" = 100 }   # only runs with these values of the grid
     by = "value"                        # compare the share itself, not the end of its interval
 """
-
 # mypy: ignore-errors
 
 from __future__ import annotations

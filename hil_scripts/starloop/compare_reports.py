@@ -7,7 +7,6 @@ that lie outside one by one is printed beside the number expected. Counts are co
 many frames: given their sum, one of them is binomial. Other metrics without an interval are listed where they differ.
 --cases: metrics of single cases too. Exit status 4: something differs. Standard library only.
 """
-
 # mypy: ignore-errors
 
 import argparse

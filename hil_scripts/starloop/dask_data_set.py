@@ -11,7 +11,6 @@ whole, 1 a shard could not be drawn, 130 stopped by Ctrl-C.
 Needs hil_scripts/requirements_campaign.txt. With --scheduler, program, description and folder have the same paths on every
 machine.
 """
-
 # mypy: ignore-errors
 
 from __future__ import annotations

@@ -12,7 +12,6 @@ its own attitude at the exposure time that EXPOSURE gives. Exit status: 0 when e
 one is not or too few came, 1 when the stimulator cannot be reached or refuses a command (a trigger that no fault or event
 of the run waits for, for example).
 """
-
 # mypy: ignore-errors
 
 import argparse

@@ -17,7 +17,6 @@ line per frame. As a module:
 Needs the package `iceoryx2`. A reader that is slow misses frames, `missed` counts them, and nothing that a reader does
 holds up the run.
 """
-
 # mypy: ignore-errors
 
 import ctypes

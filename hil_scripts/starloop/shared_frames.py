@@ -16,7 +16,6 @@ and `python3 hil_scripts/starloop/shared_frames.py /dev/shm/starloop` prints a l
 Needs the standard library only. The file is a ring: a reader that is slow misses frames, `missed` counts them, and
 nothing that a reader does holds up the run. Every frame that comes out is whole, which its CRC-32 proves.
 """
-
 # mypy: ignore-errors
 
 import mmap

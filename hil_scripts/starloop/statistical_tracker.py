@@ -9,7 +9,6 @@ part. Noise of motion is fitted to the slews, in squares, by weighted least squa
 again. STARLOOP_BINARY names the program (default target/release/starloop). Exit status 4: the two differ. Standard library
 only.
 """
-
 # mypy: ignore-errors
 
 import argparse

@@ -9,7 +9,6 @@ clock (time.monotonic_ns).
 
 An attitude is given as ATT_FD on every transport; on classic CAN it leaves as the equivalent group of frames.
 """
-
 # mypy: ignore-errors
 
 import binascii

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy
 from astropy.io import fits
 
+from support import InAFolder
 from test_flight import Gateways, Relay, Stimulator, fly
 
 #: An even light beside which stars do not matter, and nothing that differs from pixel to pixel.
@@ -50,7 +51,7 @@ def reported(said):
     return frames
 
 
-class Commands(unittest.TestCase):
+class Commands(InAFolder):
     def check(self, status, said, folder):
         self.assertEqual(status, 0, said)
         for command in COMMANDS:
@@ -80,12 +81,11 @@ class Commands(unittest.TestCase):
         return [word for command in COMMANDS for word in ("--camera", command)]
 
     def test_over_slcan(self):
-        with tempfile.TemporaryDirectory() as folder:
-            out = Path(folder) / "run"
-            with Gateways(*SETTINGS, out=out) as starloop:
-                status, said = fly(*starloop.slcan, *self.arguments())
-                starloop.stop()
-            self.check(status, said, out)
+        out = self.folder / "run"
+        with Gateways(*SETTINGS, out=out) as starloop:
+            status, said = fly(*starloop.slcan, *self.arguments())
+            starloop.stop()
+        self.check(status, said, out)
 
     def test_over_a_serial_line(self):
         relay = Relay()

@@ -13,12 +13,12 @@ import socket
 import struct
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 import unittest
 from pathlib import Path
 
+from support import InAFolder
 from gvcp_client import Client
 from test_network_camera import PATIENCE_S, Camera
 
@@ -91,35 +91,34 @@ class SimulatedClock:
                 self.socket.sendto(answer, sender)
 
 
-class Simulated(unittest.TestCase):
+class Simulated(InAFolder):
     def test_state_and_numbers_are_those_of_the_clock(self):
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "ptp4l"
-            clock = SimulatedClock(path)
-            with Camera(ptp_socket=path, recorded=False) as camera, PtpClient(camera) as ptp:
-                self.assertEqual((ptp.get("PtpStatus"), ptp.get("PtpEnable"), clock.questions), ("Disabled", False, 0))
-                ptp.set("PtpEnable", True)
-                ptp.wait_for("Listening")
-                self.assertEqual(ptp.get("PtpServoStatus"), "Unknown")
-                clock.state, clock.offset_ns, clock.delay_ns, clock.accuracy = 9, -123, 4567, 0x21
-                ptp.wait_for("Slave")
-                self.assertEqual((ptp.get("PtpServoStatus"), ptp.get("PtpOffsetFromMaster")), ("Locked", 0), "before the latch")
-                ptp.latch()
-                names = ["PtpOffsetFromMaster", "PtpMeanPropagationDelay", "PtpClockAccuracy"]
-                self.assertEqual([ptp.get(name) for name in names], [-123, 4567, "Within100ns"])
-                names = ["PtpClockID", "PtpParentClockID", "PtpGrandmasterClockID"]
-                clocks = [signed(clock) for clock in (clock.OWN, clock.PARENT, clock.GRANDMASTER)]
-                self.assertEqual([ptp.get(name) for name in names], clocks)
-                clock.offset_ns = 99
-                clock.state = 8
-                ptp.wait_for("Uncalibrated")
-                self.assertEqual(ptp.get("PtpOffsetFromMaster"), -123, "of the latch")
-                clock.is_silent = True
-                ptp.wait_for("Faulty")
-                clock.is_silent = False
-                ptp.wait_for("Uncalibrated")
-                ptp.set("PtpEnable", False)
-                self.assertEqual(ptp.get("PtpStatus"), "Disabled")
+        path = self.folder / "ptp4l"
+        clock = SimulatedClock(path)
+        with Camera(ptp_socket=path, recorded=False) as camera, PtpClient(camera) as ptp:
+            self.assertEqual((ptp.get("PtpStatus"), ptp.get("PtpEnable"), clock.questions), ("Disabled", False, 0))
+            ptp.set("PtpEnable", True)
+            ptp.wait_for("Listening")
+            self.assertEqual(ptp.get("PtpServoStatus"), "Unknown")
+            clock.state, clock.offset_ns, clock.delay_ns, clock.accuracy = 9, -123, 4567, 0x21
+            ptp.wait_for("Slave")
+            self.assertEqual((ptp.get("PtpServoStatus"), ptp.get("PtpOffsetFromMaster")), ("Locked", 0), "before the latch")
+            ptp.latch()
+            names = ["PtpOffsetFromMaster", "PtpMeanPropagationDelay", "PtpClockAccuracy"]
+            self.assertEqual([ptp.get(name) for name in names], [-123, 4567, "Within100ns"])
+            names = ["PtpClockID", "PtpParentClockID", "PtpGrandmasterClockID"]
+            clocks = [signed(clock) for clock in (clock.OWN, clock.PARENT, clock.GRANDMASTER)]
+            self.assertEqual([ptp.get(name) for name in names], clocks)
+            clock.offset_ns = 99
+            clock.state = 8
+            ptp.wait_for("Uncalibrated")
+            self.assertEqual(ptp.get("PtpOffsetFromMaster"), -123, "of the latch")
+            clock.is_silent = True
+            ptp.wait_for("Faulty")
+            clock.is_silent = False
+            ptp.wait_for("Uncalibrated")
+            ptp.set("PtpEnable", False)
+            self.assertEqual(ptp.get("PtpStatus"), "Disabled")
 
     def test_without_a_clock_the_state_is_faulty(self):
         with Camera(ptp_socket="/nowhere/ptp4l", recorded=False) as camera, PtpClient(camera) as ptp:
@@ -175,39 +174,38 @@ class Ptp4l:
         return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S).stdout
 
 
-class Linuxptp(unittest.TestCase):
+class Linuxptp(InAFolder):
     def test_status_is_slave_with_ptp4l(self):
         if not shutil.which("ptp4l") or os.geteuid() != 0:
             print("\nptp4l cannot be started here (no linuxptp, or not root): the simulated clock is the test")
             return
-        with tempfile.TemporaryDirectory() as folder:
-            try:
-                clocks = Ptp4l(folder).__enter__()
-            except PermissionError as reason:
-                print(f"\nno network namespaces here ({reason}): the simulated clock is the test")
-                return
-            try:
-                with Camera(ptp_socket=clocks.follower(), recorded=False) as camera, PtpClient(camera) as ptp:
-                    ptp.set("PtpEnable", True)
-                    ptp.wait_for("Listening")
-                    ptp.wait_for("Slave", patience_s=2 * PATIENCE_S)
-                    ptp.latch()
-                    reported = clocks.reported()
-                    self.assertIn("SLAVE", reported)
-                    # GenApi's integers are signed.
-                    identity = lambda key: signed(bytes.fromhex(re.search(rf"{key}\s+([0-9a-f.]+)", reported)[1].replace(".", "")))
-                    self.assertEqual(ptp.get("PtpClockID"), identity("clockIdentity"))
-                    self.assertEqual(ptp.get("PtpGrandmasterClockID"), identity("grandmasterIdentity"))
-                    self.assertNotEqual(ptp.get("PtpClockID"), ptp.get("PtpGrandmasterClockID"), "control")
-                    self.assertEqual((ptp.get("PtpServoStatus"), ptp.get("PtpParentClockID")), ("Locked", ptp.get("PtpGrandmasterClockID")))
-                    delay_ns, offset_ns = ptp.get("PtpMeanPropagationDelay"), ptp.get("PtpOffsetFromMaster")
-                    print(f"\nptp4l: Slave, offset {offset_ns} ns, delay {delay_ns} ns")
-                    self.assertGreater(delay_ns, 0)
-            finally:
-                log = (Path(folder) / f"{clocks.names[1]}.log").read_text()
-                clocks.__exit__()
-                if sys.exc_info()[0]:
-                    print(log)
+        try:
+            clocks = Ptp4l(self.folder).__enter__()
+        except PermissionError as reason:
+            print(f"\nno network namespaces here ({reason}): the simulated clock is the test")
+            return
+        try:
+            with Camera(ptp_socket=clocks.follower(), recorded=False) as camera, PtpClient(camera) as ptp:
+                ptp.set("PtpEnable", True)
+                ptp.wait_for("Listening")
+                ptp.wait_for("Slave", patience_s=2 * PATIENCE_S)
+                ptp.latch()
+                reported = clocks.reported()
+                self.assertIn("SLAVE", reported)
+                # GenApi's integers are signed.
+                identity = lambda key: signed(bytes.fromhex(re.search(rf"{key}\s+([0-9a-f.]+)", reported)[1].replace(".", "")))
+                self.assertEqual(ptp.get("PtpClockID"), identity("clockIdentity"))
+                self.assertEqual(ptp.get("PtpGrandmasterClockID"), identity("grandmasterIdentity"))
+                self.assertNotEqual(ptp.get("PtpClockID"), ptp.get("PtpGrandmasterClockID"), "control")
+                self.assertEqual((ptp.get("PtpServoStatus"), ptp.get("PtpParentClockID")), ("Locked", ptp.get("PtpGrandmasterClockID")))
+                delay_ns, offset_ns = ptp.get("PtpMeanPropagationDelay"), ptp.get("PtpOffsetFromMaster")
+                print(f"\nptp4l: Slave, offset {offset_ns} ns, delay {delay_ns} ns")
+                self.assertGreater(delay_ns, 0)
+        finally:
+            log = (self.folder / f"{clocks.names[1]}.log").read_text()
+            clocks.__exit__()
+            if sys.exc_info()[0]:
+                print(log)
 
 
 if __name__ == "__main__":

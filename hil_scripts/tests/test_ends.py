@@ -14,7 +14,7 @@ import time
 import unittest
 from pathlib import Path
 
-from support import BINARY, CAMERA, PATIENCE_S, ROOT, InAFolder, bench_text, starloop, summary_of, until
+from support import BINARY, CAMERA, PATIENCE_S, ROOT, InAFolder, Running, bench_text, starloop, summary_of, until
 
 LOST = 5
 RECORDER = '[sink]\nkind = "recorder"\nfits = true\n'
@@ -37,17 +37,8 @@ class Case(InAFolder):
         return ["run", self.bench(bench), "--backend", "cpu", "--out", str(self.out), "--quiet", *words]
 
     def start(self, *words, **options):
-        streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-        options = {**streams, "preexec_fn": default_signals, **options}
-        program = subprocess.Popen([BINARY, *words], cwd=self.folder, **options)
-        self.addCleanup(self.end, program)
-        return program
-
-    @staticmethod
-    def end(program):
-        if program.poll() is None:
-            program.kill()
-        program.communicate()
+        """Starts the program; `said` has what it says on standard error, `process` the rest."""
+        return self.enterContext(Running(BINARY, *words, cwd=self.folder, **{"preexec_fn": default_signals, **options}))
 
     def done(self, *words, **options):
         return starloop(*words, cwd=self.folder, timeout=PATIENCE_S, **options)
@@ -55,8 +46,8 @@ class Case(InAFolder):
     def after_frames(self, program, count=3):
         path = self.out / "frames.csv"
         rows = lambda: path.read_text().count("\n") if path.exists() else 0
-        until("frames", lambda: program.poll() is not None or rows() > count)
-        self.assertIsNone(program.poll(), "it runs")
+        until("frames", lambda: program.process.poll() is not None or rows() > count)
+        self.assertIsNone(program.process.poll(), "it runs")
 
     def summary(self):
         return summary_of(self.out)
@@ -77,9 +68,8 @@ class Signals(Case):
                 program = self.start(*words)
                 self.after_frames(program)
                 self.assertTrue(ring.exists())
-                program.send_signal(number)
-                _, errors = program.communicate(timeout=PATIENCE_S)
-                self.assertEqual(program.returncode, status, errors)
+                program.stop(number)
+                self.assertEqual(program.process.returncode, status, program.said)
                 summary = self.summary()
                 self.assertEqual(summary["losses"], [])
                 delivered = summary["frames"]["delivered"]
@@ -95,10 +85,9 @@ class Signals(Case):
         words = self.run_words("--duration", "600", "--sink", "null", bench=gateway + RECORDER)
         for number in (signal.SIGKILL, signal.SIGTERM):
             program = self.start(*words)
-            until("the link", lambda: program.poll() is not None or line.is_symlink() and line.exists())
-            self.assertIsNone(program.poll(), "it runs")
-            program.send_signal(number)
-            program.communicate(timeout=PATIENCE_S)
+            until("the link", lambda: program.process.poll() is not None or line.is_symlink() and line.exists())
+            self.assertIsNone(program.process.poll(), "it runs")
+            program.stop(number)
             self.assertEqual(line.is_symlink(), number == signal.SIGKILL, "control: SIGKILL cannot be caught")
 
     def test_a_second_signal_ends_the_program_at_once(self):
@@ -111,13 +100,12 @@ class Signals(Case):
         os.set_blocking(writable, True)
         line = self.folder / "line"
         program = self.start("bus", "--slcan-pty", str(line), stdout=writable)
-        until("the link", lambda: program.poll() is not None or line.is_symlink())
-        program.send_signal(signal.SIGTERM)
+        until("the link", lambda: program.process.poll() is not None or line.is_symlink())
+        program.process.send_signal(signal.SIGTERM)
         time.sleep(0.3)
-        self.assertIsNone(program.poll(), "control: the first signal waits for the end of the command")
-        program.send_signal(signal.SIGTERM)
-        program.communicate(timeout=PATIENCE_S)
-        self.assertEqual(program.returncode, 143)
+        self.assertIsNone(program.process.poll(), "control: the first signal waits for the end of the command")
+        program.stop(signal.SIGTERM)
+        self.assertEqual(program.process.returncode, 143)
         os.close(readable)
         os.close(writable)
 
@@ -129,28 +117,26 @@ class Signals(Case):
             # The status of a process lists the signals that it catches: from then on none is lost.
             self.catches(program, signal.SIGINT)
             time.sleep(dice.uniform(0.0, 0.4))
-            program.send_signal(signal.SIGINT)
-            _, errors = program.communicate(timeout=PATIENCE_S)
-            self.assertEqual(program.returncode, 130, errors)
+            program.stop(signal.SIGINT)
+            self.assertEqual(program.process.returncode, 130, program.said)
 
     def catches(self, program, number):
         def is_caught():
-            status = Path(f"/proc/{program.pid}/status").read_text()
+            status = Path(f"/proc/{program.process.pid}/status").read_text()
             mask = re.search(r"SigCgt:\s*([0-9a-f]+)", status)
             return mask is not None and int(mask[1], 16) >> (number - 1) & 1 == 1
 
-        until("its handlers", lambda: program.poll() is not None or is_caught())
-        self.assertIsNone(program.poll(), "it runs")
+        until("its handlers", lambda: program.process.poll() is not None or is_caught())
+        self.assertIsNone(program.process.poll(), "it runs")
 
     def test_hang_ups_stay_ignored_below_nohup(self):
         ignore = lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN)
         program = self.start(*self.run_words("--duration", "600"), preexec_fn=ignore)
         self.after_frames(program, 1)
-        program.send_signal(signal.SIGHUP)
+        program.process.send_signal(signal.SIGHUP)
         self.after_frames(program, 8)
-        program.send_signal(signal.SIGTERM)
-        program.communicate(timeout=PATIENCE_S)
-        self.assertEqual(program.returncode, 143, "control: this one is not ignored")
+        program.stop(signal.SIGTERM)
+        self.assertEqual(program.process.returncode, 143, "control: this one is not ignored")
 
     def test_commands_that_write_files_leave_none_half_written(self):
         commands = [
@@ -164,10 +150,9 @@ class Signals(Case):
             program = self.start(*words)
             self.catches(program, signal.SIGTERM)
             time.sleep(1.0)
-            self.assertIsNone(program.poll(), f"{words}: wanted a command that takes longer")
-            program.send_signal(signal.SIGTERM)
-            _, errors = program.communicate(timeout=PATIENCE_S)
-            self.assertEqual(program.returncode, 0 if words[0] == "bus" else 143, f"{words}: {errors}")
+            self.assertIsNone(program.process.poll(), f"{words}: wanted a command that takes longer")
+            program.stop(signal.SIGTERM)
+            self.assertEqual(program.process.returncode, 0 if words[0] == "bus" else 143, f"{words}: {program.said}")
             self.assertEqual(self.parts(), [], words)
         self.assertFalse((self.folder / "line").is_symlink())
 
@@ -203,13 +188,12 @@ class Losses(Case):
     def test_slots_missed_while_the_program_was_stopped_are_not_the_sinks(self):
         program = self.start(*self.run_words("--duration", "6"))
         self.after_frames(program, 5)
-        program.send_signal(signal.SIGSTOP)
+        program.process.send_signal(signal.SIGSTOP)
         time.sleep(2.5)
-        program.send_signal(signal.SIGCONT)
-        _, errors = program.communicate(timeout=PATIENCE_S)
+        program.stop(signal.SIGCONT)
         misses = self.summary()["misses"]
         busy = misses.pop("sink_busy", misses.pop("sink busy", 0))
-        self.assertGreater(sum(misses.values()), 10, f"{misses} {errors}")
+        self.assertGreater(sum(misses.values()), 10, f"{misses} {program.said}")
         self.assertLess(busy, 8, misses)
 
 

@@ -11,7 +11,6 @@ import re
 import select
 import subprocess
 import sys
-import tempfile
 import threading
 import tty
 import unittest
@@ -19,7 +18,7 @@ from pathlib import Path
 
 from astropy.io import fits
 
-from support import BINARY, ROOT, SCRIPTS, Running
+from support import BINARY, ROOT, SCRIPTS, InAFolder, Running
 from starloop import flight_computer
 
 # A small camera: the flight is what counts. Frames at 10 Hz for longer than any flight takes.
@@ -134,19 +133,18 @@ def frames_of(folder):
     return found
 
 
-class TriggeredFaults(unittest.TestCase):
+class TriggeredFaults(InAFolder):
     """Faults of a bench with an external flight computer."""
 
     def test_frames_from_the_trigger_on_carry_the_fault_in_the_header_and_in_the_light(self):
-        with tempfile.TemporaryDirectory() as folder:
-            with Gateways(bench="gateways_faults.toml", out=Path(folder) / "run") as starloop:
-                status, said = fly(*starloop.slcan, "--trigger", "7@2.5")
-                self.assertEqual(status, 0, said)
-                self.assertIn("trigger 7 was taken", said)
-                summary = starloop.stop()
-            self.assertRegex(summary.splitlines()[0], r"^INCOMPLETE: \d+ of \d+ frames on time, 0 lost; .*stopped before its end; p99 latency ")
-            self.assertIn("trigger_fired 1", summary)
-            frames = frames_of(Path(folder) / "run")
+        with Gateways(bench="gateways_faults.toml", out=self.folder / "run") as starloop:
+            status, said = fly(*starloop.slcan, "--trigger", "7@2.5")
+            self.assertEqual(status, 0, said)
+            self.assertIn("trigger 7 was taken", said)
+            summary = starloop.stop()
+        self.assertRegex(summary.splitlines()[0], r"^INCOMPLETE: \d+ of \d+ frames on time, 0 lost; .*stopped before its end; p99 latency ")
+        self.assertIn("trigger_fired 1", summary)
+        frames = frames_of(self.folder / "run")
         hit = [number for number, (header, _) in frames.items() if "stray_light" in str(header["FAULTS"])]
         lit = {number for number, (header, _) in frames.items() if header["FAULTS"] == "none"}
         self.assertGreater(len(hit), 20, "5 s at 10 Hz, less what the machine was late for")

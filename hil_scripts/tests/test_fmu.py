@@ -53,6 +53,25 @@ def angle_rad(a, b):
     return 2 * math.asin(min(1.0, math.hypot(*off[1:])))
 
 
+def started(test, model, unzipped, out, **parameters):
+    """An instance between steps, with an output folder and other boolean parameters; it goes with the test."""
+    references = {variable.name: variable.valueReference for variable in model.modelVariables}
+    slave = FMU3Slave(
+        instanceName="one",
+        guid=model.instantiationToken,
+        unzipDirectory=unzipped,
+        modelIdentifier=model.coSimulation.modelIdentifier,
+    )
+    slave.instantiate()
+    test.addCleanup(slave.freeInstance)
+    slave.setString([references["output_dir"]], [str(out)])
+    for name, value in parameters.items():
+        slave.setBoolean([references[name]], [value])
+    slave.enterInitializationMode(startTime=0.0)
+    slave.exitInitializationMode()
+    return slave
+
+
 class Unit(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
@@ -66,21 +85,7 @@ class Unit(unittest.TestCase):
         cls.unzipped = extract(str(cls.fmu))
 
     def start(self, out, **parameters):
-        """An instance between steps, and the messages that it logs."""
-        slave = FMU3Slave(
-            instanceName="one",
-            guid=self.model.instantiationToken,
-            unzipDirectory=self.unzipped,
-            modelIdentifier=self.model.coSimulation.modelIdentifier,
-        )
-        slave.instantiate()
-        self.addCleanup(slave.freeInstance)
-        slave.setString([self.references["output_dir"]], [str(out)])
-        for name, value in parameters.items():
-            slave.setBoolean([self.references[name]], [value])
-        slave.enterInitializationMode(startTime=0.0)
-        slave.exitInitializationMode()
-        return slave
+        return started(self, self.model, self.unzipped, out, **parameters)
 
     def fly(self, out, attitude_at, steps=100, **parameters):
         """Flies steps of a slew; returns what the outputs said of each new frame: time, truth, stars."""

@@ -8,14 +8,14 @@ frame. Needs what `test_network_camera.py` needs.
 import json
 import signal
 import socket
-import tempfile
 import time
 import unittest
 import urllib.request
 from pathlib import Path
 
-from support import ADDRESSES, BINARY, ROOT, Running, summary_of
-from test_network_camera import PATIENCE_S, WHOLE, Grab, fits_pixels, shifted, unpacked
+from support import ADDRESSES, BINARY, ROOT, InAFolder, Running, summary_of
+from page import fits_of
+from test_network_camera import PATIENCE_S, WHOLE, Grab, shifted, unpacked
 
 FRAMES = 120
 BENCH = """
@@ -70,28 +70,27 @@ class Run(Running):
         return summary_of(self.folder / "run")
 
 
-class Everything(unittest.TestCase):
+class Everything(InAFolder):
     def test_a_stalled_client_costs_no_other_client_a_frame(self):
-        with tempfile.TemporaryDirectory() as folder:
-            run = Run(folder)
-            deaf = socket.create_connection((run.page.group(1), int(run.page.group(2))))
-            deaf.sendall(b"GET /frame.png HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
-            wanted = {"chunks": True, "frames": 15, "socket_bytes": 4 << 20}
-            reported = Grab(run.address, **wanted).result()
-            seen = json.loads(run.get("state.json"))
-            picture = run.get("frame.png")
-            stalled = Grab(run.address, frames=1000, images=False)
-            stalled.wait_until_streaming()
-            time.sleep(0.5)
-            stalled.process.send_signal(signal.SIGSTOP)
-            summary = run.result()
-            stalled.process.send_signal(signal.SIGCONT)
-            stalled.kill()
-            deaf.close()
-            self.check(summary)
-            self.assertTrue(picture.startswith(b"\x89PNG"))
-            self.assertIsNotNone(seen["frame"])
-            self.bit_exact(reported["frames"], Path(folder) / "run")
+        run = Run(self.folder)
+        deaf = socket.create_connection((run.page.group(1), int(run.page.group(2))))
+        deaf.sendall(b"GET /frame.png HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+        wanted = {"chunks": True, "frames": 15, "socket_bytes": 4 << 20}
+        reported = Grab(run.address, **wanted).result()
+        seen = json.loads(run.get("state.json"))
+        picture = run.get("frame.png")
+        stalled = Grab(run.address, frames=1000, images=False)
+        stalled.wait_until_streaming()
+        time.sleep(0.5)
+        stalled.process.send_signal(signal.SIGSTOP)
+        summary = run.result()
+        stalled.process.send_signal(signal.SIGCONT)
+        stalled.kill()
+        deaf.close()
+        self.check(summary)
+        self.assertTrue(picture.startswith(b"\x89PNG"))
+        self.assertIsNotNone(seen["frame"])
+        self.bit_exact(reported["frames"], self.folder / "run")
 
     def check(self, summary):
         frames = summary["frames"]
@@ -109,11 +108,11 @@ class Everything(unittest.TestCase):
         for frame in grabbed:
             self.assertEqual(frame["status"], WHOLE)
             number = frame["integer"]["ChunkFrameID"]
-            recorded = fits_pixels(run / f"frame_{number:06}.fits")
+            recorded = fits_of(run / f"frame_{number:06}.fits")[1]
             got = unpacked(frame["data"], "Mono12", frame["size"])
             self.assertTrue((got == shifted(recorded, "Mono12")).all(), f"frame {number}")
             # The negative control: the frame after it is another one.
-            other = fits_pixels(run / f"frame_{number + 1:06}.fits")
+            other = fits_of(run / f"frame_{number + 1:06}.fits")[1]
             self.assertFalse((got == shifted(other, "Mono12")).all())
 
 

@@ -5,14 +5,12 @@ the schema refuses too, as far as one key says it. Needs jsonschema.
 """
 
 import json
-import tempfile
 import tomllib
 import unittest
-from pathlib import Path
 
 import jsonschema
 
-from support import ROOT, starloop
+from support import ROOT, InAFolder, starloop
 
 FOLDERS = {
     "bench": "benches",
@@ -38,7 +36,7 @@ def problems(kind, text):
     return [error.message for error in validator(kind).iter_errors(tomllib.loads(text))]
 
 
-class Schema(unittest.TestCase):
+class Schema(InAFolder):
     def test_every_shipped_file_is_valid(self):
         for kind, folder in FOLDERS.items():
             by_schema = validator(kind)
@@ -67,27 +65,25 @@ class Schema(unittest.TestCase):
             self.assertTrue(any(part in problem for problem in problems(kind, text)), (text, problems(kind, text)))
 
     def test_the_program_refuses_the_same(self):
-        with tempfile.TemporaryDirectory() as folder:
-            file = Path(folder) / "bench.toml"
-            for text in ["nonsense = 1\n", "[timing]\nframe_rate_hz = 20000.0\n", '[sink]\nkind = "null"\nfits = true\n']:
-                file.write_text(text)
-                self.assertEqual(starloop("check", str(file)).returncode, 1, text)
+        file = self.folder / "bench.toml"
+        for text in ["nonsense = 1\n", "[timing]\nframe_rate_hz = 20000.0\n", '[sink]\nkind = "null"\nfits = true\n']:
+            file.write_text(text)
+            self.assertEqual(starloop("check", str(file)).returncode, 1, text)
 
 
-class Printed(unittest.TestCase):
+class Printed(InAFolder):
     def test_the_guide_has_the_reference(self):
         self.assertEqual(printed("keys"), (ROOT / "src/guide/keys.md").read_text())
         self.assertIn("`exposure_s`", printed("keys", "camera"))
         self.assertNotIn("`exposure_s`", printed("keys", "link"))
 
     def test_templates_are_valid_and_are_checked(self):
-        with tempfile.TemporaryDirectory() as folder:
-            for kind in FOLDERS:
-                self.assertEqual(problems(kind, printed("init", kind)), [], kind)
-                (Path(folder) / f"{kind}.toml").write_text(printed("init", kind))
-            (Path(folder) / "over.toml").write_text('camera = "camera.toml"\nlink = "link.toml"\n')
-            for bench in ["bench.toml", "over.toml"]:
-                starloop("check", "--built-in-costs", str(Path(folder) / bench), status=0)
+        for kind in FOLDERS:
+            self.assertEqual(problems(kind, printed("init", kind)), [], kind)
+            (self.folder / f"{kind}.toml").write_text(printed("init", kind))
+        (self.folder / "over.toml").write_text('camera = "camera.toml"\nlink = "link.toml"\n')
+        for bench in ["bench.toml", "over.toml"]:
+            starloop("check", "--built-in-costs", str(self.folder / bench), status=0)
 
     def test_a_kind_that_is_none_is_refused(self):
         self.assertEqual(starloop("schema", "benches").returncode, 2)

@@ -11,7 +11,7 @@ import time
 import unittest
 from pathlib import Path
 
-from support import BINARY, ROOT, product, starloop
+from support import BINARY, ROOT, InAFolder, product, starloop
 from starloop import client as starloop_client
 from starloop.client import Starloop, StarloopError, attitude_sample, mrp_of_wxyz, wxyz_of_mrp
 
@@ -189,7 +189,7 @@ class ControlOutside(unittest.TestCase):
             loop.finish()
 
 
-class RealTime(unittest.TestCase):
+class RealTime(InAFolder):
     """A plant outside on the real clock: samples by the run's time, as they come."""
 
     def fly(self, folder, seconds, edit=lambda rows, t_s: rows):
@@ -215,26 +215,25 @@ class RealTime(unittest.TestCase):
         return seen, last, state, refusals
 
     def test_frames_show_what_is_sent_in_time_and_a_sender_that_stops_is_an_event(self):
-        with tempfile.TemporaryDirectory() as folder:
-            seen, last, state, _ = self.fly(folder, 3.0)
-            shown = [facts for facts in seen.values() if facts["meta"]["origin"] in LIVE and facts["mid_exposure_s"] > 0.3]
-            self.assertGreater(len(shown), 10, [facts["meta"]["origin"] for facts in seen.values()])
-            mounting = None
-            for facts in shown:
-                q, _ = turned(facts["mid_exposure_s"])
-                got = facts["meta"]["attitude_wxyz"]
-                # The sensor's axes turn with the body's: the product with the inverse is the mounting, in every frame the same.
-                fixed = product(got, [q[0], -q[1], -q[2], -q[3]])
-                mounting = mounting or fixed
-                off = min(max(abs(a - s * b) for a, b in zip(fixed, mounting)) for s in (1, -1))
-                self.assertLess(off, 1e-7, facts["number"])
-                later, _ = turned(facts["mid_exposure_s"] + 0.05)
-                self.assertGreater(max(abs(a - b) for a, b in zip(later, q)), 1e-5, "control: 50 ms are seen")
-            events = state["events"]
-            stale = [events.get(name, 0) for name in ("attitude_held", "blank", "attitude_missing")]
-            self.assertGreater(sum(stale), 5, events)
-            self.assertNotIn(last["meta"]["origin"], LIVE, "a sender that stopped is not shown as new")
-            self.assertIn("bit-identical", starloop("replay", Path(folder) / "capture", status=0).stdout)
+        seen, last, state, _ = self.fly(self.folder, 3.0)
+        shown = [facts for facts in seen.values() if facts["meta"]["origin"] in LIVE and facts["mid_exposure_s"] > 0.3]
+        self.assertGreater(len(shown), 10, [facts["meta"]["origin"] for facts in seen.values()])
+        mounting = None
+        for facts in shown:
+            q, _ = turned(facts["mid_exposure_s"])
+            got = facts["meta"]["attitude_wxyz"]
+            # The sensor's axes turn with the body's: the product with the inverse is the mounting, in every frame the same.
+            fixed = product(got, [q[0], -q[1], -q[2], -q[3]])
+            mounting = mounting or fixed
+            off = min(max(abs(a - s * b) for a, b in zip(fixed, mounting)) for s in (1, -1))
+            self.assertLess(off, 1e-7, facts["number"])
+            later, _ = turned(facts["mid_exposure_s"] + 0.05)
+            self.assertGreater(max(abs(a - b) for a, b in zip(later, q)), 1e-5, "control: 50 ms are seen")
+        events = state["events"]
+        stale = [events.get(name, 0) for name in ("attitude_held", "blank", "attitude_missing")]
+        self.assertGreater(sum(stale), 5, events)
+        self.assertNotIn(last["meta"]["origin"], LIVE, "a sender that stopped is not shown as new")
+        self.assertIn("bit-identical", starloop("replay", self.folder / "capture", status=0).stdout)
 
     def test_old_and_jumping_samples_are_refused_and_counted(self):
         def spoilt(rows, t_s):
@@ -246,15 +245,14 @@ class RealTime(unittest.TestCase):
                 return [[t_s, 1.0, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0]]
             return rows
 
-        with tempfile.TemporaryDirectory() as folder:
-            seen, _, state, refusals = self.fly(folder, 2.5, spoilt)
-            self.assertTrue(refusals and all("norm 1.00498" in refusal for refusal in refusals), refusals)
-            self.assertGreaterEqual(state["events"]["sample_refused"], 3, state["events"])
-            shown = [facts for facts in seen.values() if facts["meta"]["origin"] in LIVE]
-            first = shown[0]["meta"]["attitude_wxyz"]
-            for facts in shown:
-                along = abs(sum(a * b for a, b in zip(facts["meta"]["attitude_wxyz"], first)))
-                self.assertGreater(along, math.cos(0.02), "no frame shows the half turn")
+        seen, _, state, refusals = self.fly(self.folder, 2.5, spoilt)
+        self.assertTrue(refusals and all("norm 1.00498" in refusal for refusal in refusals), refusals)
+        self.assertGreaterEqual(state["events"]["sample_refused"], 3, state["events"])
+        shown = [facts for facts in seen.values() if facts["meta"]["origin"] in LIVE]
+        first = shown[0]["meta"]["attitude_wxyz"]
+        for facts in shown:
+            along = abs(sum(a * b for a, b in zip(facts["meta"]["attitude_wxyz"], first)))
+            self.assertGreater(along, math.cos(0.02), "no frame shows the half turn")
 
 
 class Examples(unittest.TestCase):

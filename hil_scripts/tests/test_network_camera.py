@@ -23,8 +23,9 @@ import time
 import unittest
 from pathlib import Path
 
-from support import ADDRESSES, PROGRAM, SYSTEM_PYTHON
+from support import ADDRESSES, PROGRAM, SYSTEM_PYTHON, InAFolder
 from gvcp_client import STREAM_ADDRESS, STREAM_PORT, Client, Refused, Stream, arv_tool, bits_of
+from page import fits_of
 
 FEED = os.environ.get("STARLOOP_CAMERA_FEED", str(PROGRAM.parent / "examples/camera_feed"))
 # Seconds that a healthy program never needs, on however busy a machine.
@@ -63,7 +64,7 @@ class Camera:
         try:
             said, _ = self.process.communicate(timeout=PATIENCE_S)
             self.counters = json.loads(said.splitlines()[-1])["counters"]
-            self.images = {int(path.stem[-6:]): fits_pixels(path) for path in sorted(self.record.glob("*.fits"))}
+            self.images = {int(path.stem[-6:]): fits_of(path)[1] for path in sorted(self.record.glob("*.fits"))}
         finally:
             self.process.kill()
             self.process.wait()
@@ -83,24 +84,6 @@ class Camera:
             done = subprocess.run(["gst-launch-1.0", "-q", *words], capture_output=True, text=True, timeout=PATIENCE_S)
             assert done.returncode == 0, done.stderr
             return out.read_bytes()
-
-
-def fits_pixels(path):
-    """Unsigned 16-bit pixels of a FITS file, top row first."""
-    import numpy
-
-    text = path.read_bytes()
-    header = {}
-    for place in range(0, len(text), 80):
-        card = text[place:place + 80].decode("ascii")
-        if card.startswith("END "):
-            break
-        header[card[:8].strip()] = card[10:].split("/")[0].strip()
-    start = (place // 2880 + 1) * 2880
-    rows, columns = int(header["NAXIS2"]), int(header["NAXIS1"])
-    stored = numpy.frombuffer(text, ">i2", rows * columns, start).astype(numpy.int64)
-    assert float(header["BZERO"]) == 32768
-    return (stored + 32768).astype(numpy.uint16).reshape(rows, columns)
 
 
 def shifted(pixels, pixel_format):
@@ -627,7 +610,7 @@ class Colours(unittest.TestCase):
         self.assertIn(data[:64 * 48], recorded)
 
 
-class Others(unittest.TestCase):
+class Others(InAFolder):
     """Clients that are not Aravis' Python."""
 
     def test_gstreamer_gets_the_frames(self):
@@ -659,21 +642,20 @@ class Others(unittest.TestCase):
             client.close()
 
     def test_arv_test_finds_no_fault(self):
-        with tempfile.TemporaryDirectory() as folder:
-            done = subprocess.run(["apt-get", "download", "aravis-tools"], cwd=folder, capture_output=True, text=True)
-            packages = list(Path(folder).glob("*.deb"))
-            if done.returncode != 0 or not packages:
-                print(f"SKIPPED: aravis-tools cannot be downloaded: {done.stderr.strip()}")
-                return
-            subprocess.run(["dpkg", "-x", packages[0], folder], check=True)
-            program = next(Path(folder).rglob("arv-test-0.8"))
-            model = f"head_{os.getpid()}"
-            settings = Path(folder) / "arv-test.cfg"
-            # The program takes every XML for one of schema 1.0; the reference GenApi above holds it to its own.
-            settings.write_text(f"[starloop:{model}]\nSchema=Ignore\nChunkList=FrameID\n")
-            with Camera(rate_hz=30, recorded=False, model=model):
-                done = subprocess.run([program, "-n", f"*{model}*", "-c", settings], capture_output=True, text=True,
-                                      timeout=5 * PATIENCE_S)
+        done = subprocess.run(["apt-get", "download", "aravis-tools"], cwd=self.folder, capture_output=True, text=True)
+        packages = list(self.folder.glob("*.deb"))
+        if done.returncode != 0 or not packages:
+            print(f"SKIPPED: aravis-tools cannot be downloaded: {done.stderr.strip()}")
+            return
+        subprocess.run(["dpkg", "-x", packages[0], self.folder], check=True)
+        program = next(self.folder.rglob("arv-test-0.8"))
+        model = f"head_{os.getpid()}"
+        settings = self.folder / "arv-test.cfg"
+        # The program takes every XML for one of schema 1.0; the reference GenApi above holds it to its own.
+        settings.write_text(f"[starloop:{model}]\nSchema=Ignore\nChunkList=FrameID\n")
+        with Camera(rate_hz=30, recorded=False, model=model):
+            done = subprocess.run([program, "-n", f"*{model}*", "-c", settings], capture_output=True, text=True,
+                                  timeout=5 * PATIENCE_S)
         results = re.findall(r"^(\S+) +(SUCCESS|FAILURE)", done.stdout, re.MULTILINE)
         failed = {name for name, result in results if result == "FAILURE"}
         self.assertGreater(len(results), 12, done.stdout + done.stderr)

@@ -23,7 +23,7 @@ import unittest
 import zipfile
 from pathlib import Path
 
-from support import PROGRAM, ROOT, TARGET
+from support import PROGRAM, ROOT, TARGET, InAFolder
 
 SUITE = "bookworm"
 MIRROR = "http://deb.debian.org/debian"
@@ -81,21 +81,20 @@ def bare_root():
     return kept
 
 
-class Contents(unittest.TestCase):
+class Contents(InAFolder):
     def test_the_checksums_are_right_and_a_changed_byte_is_found(self):
         check = lambda folder: subprocess.run(["sha256sum", "-c", "--quiet", "SHA256SUMS"], cwd=folder, capture_output=True)
         self.assertEqual(check(packages()).returncode, 0)
         sums = (packages() / "SHA256SUMS").read_text().splitlines()
         names = {line.split()[1] for line in sums}
         self.assertEqual(names, {path.name for path in packages().iterdir()} - {"SHA256SUMS"})
-        with tempfile.TemporaryDirectory() as scratch:
-            copy = Path(scratch) / "packages"
-            shutil.copytree(packages(), copy)
-            path = next(copy.glob("*.deb"))
-            content = bytearray(path.read_bytes())
-            content[len(content) // 2] ^= 1
-            path.write_bytes(content)
-            self.assertNotEqual(check(copy).returncode, 0, "control: a damaged package")
+        copy = self.folder / "packages"
+        shutil.copytree(packages(), copy)
+        path = next(copy.glob("*.deb"))
+        content = bytearray(path.read_bytes())
+        content[len(content) // 2] ^= 1
+        path.write_bytes(content)
+        self.assertNotEqual(check(copy).returncode, 0, "control: a damaged package")
 
     def test_the_debian_package_has_every_part(self):
         deb = only("*.deb")
@@ -130,17 +129,16 @@ class Contents(unittest.TestCase):
         self.assertNotIn("usr/share/no_such_file", names, "control")
 
     def test_every_command_has_a_page(self):
-        with tempfile.TemporaryDirectory() as scratch:
-            output("dpkg-deb", "-x", str(only("*.deb")), scratch)
-            pages = Path(scratch) / "usr/share/man/man1"
-            output(str(PROGRAM), "man", f"{scratch}/pages")
-            wanted = {f"{path.name}.gz" for path in (Path(scratch) / "pages").iterdir()}
-            self.assertEqual({path.name for path in pages.iterdir()}, wanted)
-            self.assertIn(".TH ", gzip.decompress((pages / "starloop.1.gz").read_bytes()).decode())
-            licences = Path(scratch) / "usr/share/doc/starloop/third_party_licences.txt.gz"
-            text = gzip.decompress(licences.read_bytes()).decode()
-            self.assertIn("Permission is hereby granted", text)
-            self.assertIn("\nclap ", text)
+        output("dpkg-deb", "-x", str(only("*.deb")), self.folder)
+        pages = self.folder / "usr/share/man/man1"
+        output(str(PROGRAM), "man", f"{self.folder}/pages")
+        wanted = {f"{path.name}.gz" for path in (self.folder / "pages").iterdir()}
+        self.assertEqual({path.name for path in pages.iterdir()}, wanted)
+        self.assertIn(".TH ", gzip.decompress((pages / "starloop.1.gz").read_bytes()).decode())
+        licences = self.folder / "usr/share/doc/starloop/third_party_licences.txt.gz"
+        text = gzip.decompress(licences.read_bytes()).decode()
+        self.assertIn("Permission is hereby granted", text)
+        self.assertIn("\nclap ", text)
 
     def test_the_list_of_crates_is_whole(self):
         bom = json.loads(only("*.cdx.json").read_text())
@@ -158,11 +156,10 @@ class Contents(unittest.TestCase):
         self.assertLessEqual(edges, set(refs), "dependencies are listed")
 
     def test_the_same_sources_give_the_same_bytes(self):
-        with tempfile.TemporaryDirectory() as scratch:
-            make_packages(scratch)
-            digest = lambda path: hashlib.sha256(path.read_bytes()).hexdigest()
-            for path in sorted(packages().iterdir()):
-                self.assertEqual(digest(path), digest(Path(scratch) / path.name), path.name)
+        make_packages(self.folder)
+        digest = lambda path: hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(packages().iterdir()):
+            self.assertEqual(digest(path), digest(self.folder / path.name), path.name)
 
     def test_a_missing_program_is_refused(self):
         environment = {**os.environ, "STARLOOP_BINARY": "/nonexistent/starloop"}
@@ -182,16 +179,15 @@ class Contents(unittest.TestCase):
         self.assertEqual(output("dpkg-deb", "-f", str(only("*.deb")), "Homepage").strip(), package["repository"])
 
     def test_the_first_page_works_with_the_package(self):
-        with tempfile.TemporaryDirectory() as scratch:
-            output("dpkg-deb", "-x", str(only("*.deb")), scratch)
-            unpacked = {"STARLOOP_BINARY": f"{scratch}/usr/bin/starloop", "STARLOOP_SHARE": f"{scratch}/usr/share/starloop"}
-            follow = [sys.executable, str(ROOT / "hil_scripts/tests/test_recipes.py"), "-k", "readme_md"]
-            done = subprocess.run(follow, env={**os.environ, **unpacked}, capture_output=True, text=True)
-            self.assertEqual(done.returncode, 0, done.stderr)
-            self.assertIn("Ran 1 test", done.stderr)
-            (Path(scratch) / "usr/share/starloop/python/starloop/client.py").unlink()
-            done = subprocess.run(follow, env={**os.environ, **unpacked}, capture_output=True, text=True)
-            self.assertNotEqual(done.returncode, 0, "control: a package without the client")
+        output("dpkg-deb", "-x", str(only("*.deb")), self.folder)
+        unpacked = {"STARLOOP_BINARY": f"{self.folder}/usr/bin/starloop", "STARLOOP_SHARE": f"{self.folder}/usr/share/starloop"}
+        follow = [sys.executable, str(ROOT / "hil_scripts/tests/test_recipes.py"), "-k", "readme_md"]
+        done = subprocess.run(follow, env={**os.environ, **unpacked}, capture_output=True, text=True)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("Ran 1 test", done.stderr)
+        (self.folder / "usr/share/starloop/python/starloop/client.py").unlink()
+        done = subprocess.run(follow, env={**os.environ, **unpacked}, capture_output=True, text=True)
+        self.assertNotEqual(done.returncode, 0, "control: a package without the client")
 
     def test_the_container_file_installs_the_package(self):
         text = (packages() / "Containerfile").read_text()
@@ -199,20 +195,19 @@ class Contents(unittest.TestCase):
         self.assertRegex(text, r'ENTRYPOINT \["/usr/bin/starloop"\]')
 
 
-class Unit(unittest.TestCase):
+class Unit(InAFolder):
     @unittest.skipUnless(shutil.which("systemd-analyze"), "systemd-analyze is not installed")
     def test_the_unit_is_well_formed(self):
-        with tempfile.TemporaryDirectory() as scratch:
-            output("dpkg-deb", "-x", str(only("*.deb")), scratch)
-            unit = Path(scratch) / "usr/lib/systemd/system/starloop@.service"
-            text = unit.read_text().replace("/usr/bin/starloop", f"{scratch}/usr/bin/starloop")
-            verify = lambda path: subprocess.run(["systemd-analyze", "verify", "--man=no", str(path)], capture_output=True, text=True)
-            good, bad = Path(scratch) / "starloop@good.service", Path(scratch) / "starloop@bad.service"
-            good.write_text(text)
-            bad.write_text(text.replace("LimitRTPRIO=50", "LimitRTPRIO=much").replace("[Service]", "[Service]\nNoSuchKey=1"))
-            about = lambda path: [line for line in verify(path).stderr.splitlines() if "starloop@" in line]
-            self.assertEqual(about(good), [])
-            self.assertTrue(about(bad), "control")
+        output("dpkg-deb", "-x", str(only("*.deb")), self.folder)
+        unit = self.folder / "usr/lib/systemd/system/starloop@.service"
+        text = unit.read_text().replace("/usr/bin/starloop", f"{self.folder}/usr/bin/starloop")
+        verify = lambda path: subprocess.run(["systemd-analyze", "verify", "--man=no", str(path)], capture_output=True, text=True)
+        good, bad = self.folder / "starloop@good.service", self.folder / "starloop@bad.service"
+        good.write_text(text)
+        bad.write_text(text.replace("LimitRTPRIO=50", "LimitRTPRIO=much").replace("[Service]", "[Service]\nNoSuchKey=1"))
+        about = lambda path: [line for line in verify(path).stderr.splitlines() if "starloop@" in line]
+        self.assertEqual(about(good), [])
+        self.assertTrue(about(bad), "control")
 
     def test_every_rule_is_a_line_of_udev(self):
         rules = (ROOT / "hil_scripts/packaging/60-starloop.rules").read_text().splitlines()

@@ -7,12 +7,11 @@ import os
 import pathlib
 import subprocess
 import sys
-import tempfile
 import unittest
 
 import numpy as np
 
-import support  # noqa: F401 - it says where the others are
+import support
 import bench_peers
 import peers
 import peers_contest
@@ -25,17 +24,12 @@ SCRIPT = pathlib.Path(bench_peers.__file__)
 class QuickRun(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.folder = tempfile.TemporaryDirectory()
-        cls.out = pathlib.Path(cls.folder.name)
+        cls.out = support.folder_for(cls)
         # Slow peers are left out after a second.
         command = [sys.executable, SCRIPT, "--quick", "--limit-s", "1", "--out", cls.out]
         cls.done = subprocess.run(command, capture_output=True, text=True, env=os.environ, check=False)
         with open(cls.out / "peers.csv", newline="") as file:
             cls.rows = list(csv.DictReader(file))
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.folder.cleanup()
 
     def test_every_cell_has_a_time_or_a_reason(self):
         self.assertEqual(self.done.returncode, 0, self.done.stdout + self.done.stderr)

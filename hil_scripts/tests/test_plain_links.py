@@ -18,7 +18,7 @@ from pathlib import Path
 
 from astropy.io import fits
 
-from support import ARCSEC, BINARY, ROOT, Running, product, starloop, summary_of, until
+from support import ARCSEC, BINARY, ROOT, InAFolder, Running, product, starloop, summary_of, until
 
 # A small camera: the attitude is what counts.
 SETTINGS = ["camera=../cameras/small_tracker.toml", "timing.duration_s=120", "link.listen=0"]
@@ -152,7 +152,7 @@ def as_42(unix_s):
             f"SC[0].wn = [{number(rate)}]\nSC[0].svb = [1 0 0]\n[ENDMSG]\n").encode()
 
 
-class PlainLinks(unittest.TestCase):
+class PlainLinks(InAFolder):
     def check(self, headers, begin_s=START_S, least=FRAMES):
         """Every frame has an attitude of the slew; when each was sent less when it was drawn, s, from the first on."""
         self.assertGreaterEqual(len(headers), least)
@@ -247,14 +247,13 @@ class PlainLinks(unittest.TestCase):
                 self.check_steady(starloop.frames(FRAMES))
 
     def test_lines_of_42_from_a_client_are_acknowledged(self):
-        with tempfile.TemporaryDirectory() as folder:
-            with Lines42Bench(folder, "listen = 0") as starloop:
-                out = socket.create_connection(starloop.address)
-                out.settimeout(PATIENCE_S)
-                with out, Sender(lambda message: exchange(out, message), as_42):
-                    self.check_steady(starloop.frames(FRAMES))
-                summary = starloop.stop()
-            self.assertEqual([reason for reason in summary["link"]["rejects"] if reason.startswith("plain_")], [])
+        with Lines42Bench(self.folder, "listen = 0") as starloop:
+            out = socket.create_connection(starloop.address)
+            out.settimeout(PATIENCE_S)
+            with out, Sender(lambda message: exchange(out, message), as_42):
+                self.check_steady(starloop.frames(FRAMES))
+            summary = starloop.stop()
+        self.assertEqual([reason for reason in summary["link"]["rejects"] if reason.startswith("plain_")], [])
 
     def test_recorded_text_of_42_is_replayed_by_a_server_that_waits_for_its_answers(self):
         recorded = [as_42(START_S - 1e7 + i / HZ) for i in range(3000)]

@@ -3,15 +3,13 @@
 
 import json
 import os
-import pathlib
 import re
 import statistics
 import subprocess
 import sys
-import tempfile
 import unittest
 
-from support import PROGRAM, ROOT, SCRIPTS
+from support import PROGRAM, ROOT, SCRIPTS, folder_for
 
 
 def run(*command, **options):
@@ -24,8 +22,7 @@ def run(*command, **options):
 class Package(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.folder = tempfile.TemporaryDirectory()
-        folder = pathlib.Path(cls.folder.name)
+        folder = folder_for(cls)
         run(sys.executable, SCRIPTS / "packaging/make_wheel.py", "--build", PROGRAM.parent, "--out", folder / "wheels")
         (cls.wheel,) = (folder / "wheels").glob("*.whl")
         run(sys.executable, "-m", "venv", "--system-site-packages", folder / "environment")
@@ -37,10 +34,6 @@ class Package(unittest.TestCase):
         run(cls.python, "-m", "pip", "install", "-q", "--no-deps", "--no-index", cls.wheel)
         cls.work = folder / "work"
         cls.work.mkdir()
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.folder.cleanup()
 
     def ask(self, code):
         """Runs code in the environment, away from the repository, and returns the JSON that it prints last."""

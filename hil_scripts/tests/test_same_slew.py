@@ -10,10 +10,10 @@ import math
 import unittest
 
 from fmpy import extract, read_model_description
-from fmpy.fmi3 import FMU3Slave
 
 from support import ARCSEC, BINARY, CAMERA, InAFolder, rows_of, starloop
 from starloop.client import Starloop, attitude_sample
+from test_fmu import started
 
 BENCH = """
 name = "slew"
@@ -70,19 +70,9 @@ class SameSlew(InAFolder):
         """Frames of a co-simulation unit: number to attitude and time; their pixels are in the folder."""
         fmu, out, seen = self.folder / "slew.fmu", self.folder / "unit", {}
         starloop("fmu", self.bench('[sink]\nkind = "recorder"\n'), "--out", fmu, status=0)
-        model, unzipped = read_model_description(str(fmu)), extract(str(fmu))
+        model = read_model_description(str(fmu))
         name = {variable.name: variable.valueReference for variable in model.modelVariables}
-        unit = FMU3Slave(
-            instanceName="slew",
-            guid=model.instantiationToken,
-            unzipDirectory=unzipped,
-            modelIdentifier=model.coSimulation.modelIdentifier,
-        )
-        unit.instantiate()
-        self.addCleanup(unit.freeInstance)
-        unit.setString([name["output_dir"]], [str(out)])
-        unit.enterInitializationMode(startTime=0.0)
-        unit.exitInitializationMode()
+        unit = started(self, model, extract(str(fmu)), out)
         for k in range(COUNT):
             wxyz, rate = slew(k * STEP_S)
             unit.setFloat64([name["q_body_from_icrf"]], wxyz)

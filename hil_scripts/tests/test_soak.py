@@ -14,7 +14,7 @@ import tempfile
 import time
 import unittest
 
-from support import PROGRAM, SCRIPTS
+from support import PROGRAM, SCRIPTS, InAFolder, folder_for
 import scale_report
 import soak
 import soak_account
@@ -30,12 +30,7 @@ class Flight(unittest.TestCase):
 
     @classmethod
     def setUpClass(cls):
-        cls.kept = tempfile.TemporaryDirectory()
-        cls.folder = soak.fly(PROGRAM, pathlib.Path(cls.kept.name) / "real", SECONDS, SEED, say=lambda _: None)
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.kept.cleanup()
+        cls.folder = soak.fly(PROGRAM, folder_for(cls) / "real", SECONDS, SEED, say=lambda _: None)
 
     def account_of_spoilt(self, change):
         """The account of a copy of the flight's files after a change."""
@@ -142,20 +137,19 @@ class Memory(unittest.TestCase):
         self.assertEqual(soak_account.memory_slope(grown, 3600.0)["verdict"], "grows", "control: 2 % an hour")
 
 
-class SimulatedTime(unittest.TestCase):
+class SimulatedTime(InAFolder):
     def test_two_legs_lose_nothing_and_a_missing_frame_is_found(self):
-        with tempfile.TemporaryDirectory() as folder:
-            found = soak_virtual.fly_virtual(PROGRAM, folder, 0.1, SEED, leg_s=180.0, say=lambda _: None)
-            self.assertEqual((found["lost"], found["legs_whose_counts_differ"]), ({}, []))
-            self.assertEqual([leg["exit_status"] for leg in found["legs"]], [0, 0])
-            self.assertEqual(found["total"]["recorded"] + found["total"]["counted"], found["total"]["frames"])
-            self.assertIn("bus_off", found["total"]["events"])
+        found = soak_virtual.fly_virtual(PROGRAM, self.folder, 0.1, SEED, leg_s=180.0, say=lambda _: None)
+        self.assertEqual((found["lost"], found["legs_whose_counts_differ"]), ({}, []))
+        self.assertEqual([leg["exit_status"] for leg in found["legs"]], [0, 0])
+        self.assertEqual(found["total"]["recorded"] + found["total"]["counted"], found["total"]["frames"])
+        self.assertIn("bus_off", found["total"]["events"])
         leg = found["legs"][0]
         for change in ({"lost": [7]}, {"wrong": [7]}, {"beyond": [9999]}):
             self.assertIn("leg 0", soak_virtual.sum_of([{**leg, **change}])["lost"], "control")
 
 
-class Schedules(unittest.TestCase):
+class Schedules(InAFolder):
     def test_the_seed_decides_and_every_word_comes(self):
         events, injected = soak_bench.fault_schedule(1, 40_000.0)
         self.assertEqual((events, injected), soak_bench.fault_schedule(1, 40_000.0))
@@ -166,21 +160,19 @@ class Schedules(unittest.TestCase):
 
     def test_the_program_takes_every_fault(self):
         events, injected = soak_bench.fault_schedule(1, 40_000.0)
-        with tempfile.TemporaryDirectory() as folder:
-            path = pathlib.Path(folder) / "bench.toml"
-            path.write_text(soak_bench.bench_text(1, 40_000.0, events + injected))
-            done = subprocess.run([str(PROGRAM), "check", str(path)], capture_output=True, text=True, check=False)
+        path = self.folder / "bench.toml"
+        path.write_text(soak_bench.bench_text(1, 40_000.0, events + injected))
+        done = subprocess.run([str(PROGRAM), "check", str(path)], capture_output=True, text=True, check=False)
         self.assertEqual(done.returncode, 0, done.stderr)
 
 
-class Scale(unittest.TestCase):
+class Scale(InAFolder):
     def test_a_tiny_run_has_tables_and_exponents(self):
-        with tempfile.TemporaryDirectory() as folder:
-            words = [word for part in ("stars", "path", "largest", "windows") for word in ("--part", part)]
-            command = [sys.executable, str(SCRIPTS / "measure/scale.py"), "--tiny", "--out", folder, *words]
-            done = subprocess.run(command, capture_output=True, text=True, check=False)
-            self.assertEqual(done.returncode, 0, done.stderr)
-            parts = json.loads((pathlib.Path(folder) / "scale.json").read_text())
+        words = [word for part in ("stars", "path", "largest", "windows") for word in ("--part", part)]
+        command = [sys.executable, str(SCRIPTS / "measure/scale.py"), "--tiny", "--out", self.folder, *words]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        parts = json.loads((self.folder / "scale.json").read_text())
         self.assertEqual([x for x, _ in parts["stars"]["rows"]], [100, 1000, 3000])
         self.assertTrue(all(found["stars"] == stars for stars, found in parts["stars"]["rows"]), "all of them are drawn")
         frames = parts["windows"]["rows"][0][1]["frames"]

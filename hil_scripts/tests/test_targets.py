@@ -6,10 +6,8 @@ These are compared with the end points that the program reports for each streak,
 """
 
 import math
-import tempfile
 import tomllib
 import unittest
-from pathlib import Path
 
 import erfa
 import numpy
@@ -19,7 +17,7 @@ from skyfield.constants import AU_KM, DAY_S
 from skyfield.relativity import add_aberration
 from skyfield.vectorlib import VectorFunction
 
-from support import ROOT, folder_for, rows_of, starloop
+from support import ROOT, InAFolder, folder_for, rows_of, starloop
 
 BENCH = ROOT / "configs/benches/target_crossing.toml"
 SECOND_OBSERVER = (  # invented, as the target's: 550 km high, on nearly the way of the bench's circle
@@ -304,40 +302,39 @@ class Crossing(unittest.TestCase):
             self.assertLess(abs(float(row["rate_deg_s"]) / rate - 1), 1e-3)
 
 
-class Geostationary(unittest.TestCase):
+class Geostationary(InAFolder):
     """The telescope of an arcsecond per pixel, from the geocentre: SGP4's deep space, 15 px in an exposure."""
 
     def test_end_points_are_those_of_skyfield(self):
-        with tempfile.TemporaryDirectory() as name:
-            root = Path(name)
-            camera_file = ROOT / "configs/cameras/wide_field_telescope.toml"
-            camera = tomllib.loads(camera_file.read_text())
-            satellite = EarthSatellite(*GEOSTATIONARY, None, TIME)
-            x, y, z = apparent(None, satellite, TIME.utc(2026, 3, 1, 0, 0, 4.0))
-            [target] = tomllib.loads(BENCH.read_text())["target"]
-            bench = bench_with(
-                root, "telescope",
-                (f"{ROOT}/configs/cameras/cubesat_tracker.toml", str(camera_file)),
-                ("frame_rate_hz = 2.0\nduration_s = 10.0", "frame_rate_hz = 0.5\nduration_s = 6.0"),
-                (observer_lines(), '[observer]\nkind = "geocentre"'),
-                ("ra_deg = 115.4 ", f"ra_deg = {math.degrees(math.atan2(y, x)) % 360!r} "),
-                ("dec_deg = 30.6", f"dec_deg = {math.degrees(math.asin(z))!r}"),
-                (target["line1"], GEOSTATIONARY[0]), (target["line2"], GEOSTATIONARY[1]),
-            )
-            run(bench)
-            frames = Recording(root / "telescope", camera["exposure"]["exposure_s"]).frames
-            self.assertEqual(len(frames), 3)
-            off = []
-            for header, *_, ends, reported in frames:
-                # The attitude as it came over the bus: its single precision is 0.03 px here.
-                sensor_from_icrf = quaternion_matrix(*(header[f"Q{axis}"] for axis in "WXYZ"))
-                for t, px in zip(ends, reported):
-                    off.append(numpy.linalg.norm(projected(camera, sensor_from_icrf, apparent(None, satellite, t)) - px))
-            print(f"geostationary: end points within {max(off):.4f} px of skyfield's, an arcsecond each")
-            self.assertLess(max(off), END_PX)
+        root = self.folder
+        camera_file = ROOT / "configs/cameras/wide_field_telescope.toml"
+        camera = tomllib.loads(camera_file.read_text())
+        satellite = EarthSatellite(*GEOSTATIONARY, None, TIME)
+        x, y, z = apparent(None, satellite, TIME.utc(2026, 3, 1, 0, 0, 4.0))
+        [target] = tomllib.loads(BENCH.read_text())["target"]
+        bench = bench_with(
+            root, "telescope",
+            (f"{ROOT}/configs/cameras/cubesat_tracker.toml", str(camera_file)),
+            ("frame_rate_hz = 2.0\nduration_s = 10.0", "frame_rate_hz = 0.5\nduration_s = 6.0"),
+            (observer_lines(), '[observer]\nkind = "geocentre"'),
+            ("ra_deg = 115.4 ", f"ra_deg = {math.degrees(math.atan2(y, x)) % 360!r} "),
+            ("dec_deg = 30.6", f"dec_deg = {math.degrees(math.asin(z))!r}"),
+            (target["line1"], GEOSTATIONARY[0]), (target["line2"], GEOSTATIONARY[1]),
+        )
+        run(bench)
+        frames = Recording(root / "telescope", camera["exposure"]["exposure_s"]).frames
+        self.assertEqual(len(frames), 3)
+        off = []
+        for header, *_, ends, reported in frames:
+            # The attitude as it came over the bus: its single precision is 0.03 px here.
+            sensor_from_icrf = quaternion_matrix(*(header[f"Q{axis}"] for axis in "WXYZ"))
+            for t, px in zip(ends, reported):
+                off.append(numpy.linalg.norm(projected(camera, sensor_from_icrf, apparent(None, satellite, t)) - px))
+        print(f"geostationary: end points within {max(off):.4f} px of skyfield's, an arcsecond each")
+        self.assertLess(max(off), END_PX)
 
 
-class Check(unittest.TestCase):
+class Check(InAFolder):
     def test_check_reports_the_crossing(self):
         done = starloop("check", BENCH, status=0)
         [line] = [line for line in done.stdout.splitlines() if line.strip().startswith("90001 ")]
@@ -346,26 +343,25 @@ class Check(unittest.TestCase):
     def test_bad_elements_are_refused_with_their_place(self):
         [target] = tomllib.loads(BENCH.read_text())["target"]
         lines = f'line1 = "{target["line1"]}"\nline2 = "{target["line2"]}"'
-        with tempfile.TemporaryDirectory() as name:
-            root = Path(name)
-            (root / "one.json").write_text('[\n{"NORAD_CAT_ID": 90001,\n')
-            def renumbered(line):
-                line = line.replace("90001", "90002")[:68]
-                return line + str(sum(int(c) if c.isdigit() else c == "-" for c in line) % 10)
+        root = self.folder
+        (root / "one.json").write_text('[\n{"NORAD_CAT_ID": 90001,\n')
+        def renumbered(line):
+            line = line.replace("90001", "90002")[:68]
+            return line + str(sum(int(c) if c.isdigit() else c == "-" for c in line) % 10)
 
-            both = [target["line1"], target["line2"], renumbered(target["line1"]), renumbered(target["line2"])]
-            (root / "many.tle").write_text("\n".join(both) + "\n")
-            for case, changes, wanted in [
-                ("flipped", [("66.0000 311", "66.0001 311")], "line 2: wanted checksum 7 in column 69"),
-                ("cut", [('orbit = "tle" ', 'orbit = "omm" '), (lines, 'file = "one.json"')], "line 3, column"),
-                ("many", [(lines, 'file = "many.tle"')], "got 2 objects, wanted one"),
-                ("absent", [(lines, 'file = "many.tle"\nnorad_id = 5')], "number 5, got none among 2"),
-            ]:
-                bench = bench_with(root, case, *changes)
-                done = starloop("check", bench)
-                self.assertNotEqual(done.returncode, 0, case)
-                self.assertIn(wanted, done.stderr)
-                self.assertIn("target[0]", done.stderr)
+        both = [target["line1"], target["line2"], renumbered(target["line1"]), renumbered(target["line2"])]
+        (root / "many.tle").write_text("\n".join(both) + "\n")
+        for case, changes, wanted in [
+            ("flipped", [("66.0000 311", "66.0001 311")], "line 2: wanted checksum 7 in column 69"),
+            ("cut", [('orbit = "tle" ', 'orbit = "omm" '), (lines, 'file = "one.json"')], "line 3, column"),
+            ("many", [(lines, 'file = "many.tle"')], "got 2 objects, wanted one"),
+            ("absent", [(lines, 'file = "many.tle"\nnorad_id = 5')], "number 5, got none among 2"),
+        ]:
+            bench = bench_with(root, case, *changes)
+            done = starloop("check", bench)
+            self.assertNotEqual(done.returncode, 0, case)
+            self.assertIn(wanted, done.stderr)
+            self.assertIn("target[0]", done.stderr)
 
 
 if __name__ == "__main__":
