@@ -3,6 +3,7 @@
 import math
 
 from page import table as table_of
+from soak_account import line_fit
 
 STAGES = ("sky", "plan", "render", "detector")
 TITLES = {
@@ -20,14 +21,8 @@ STRAIGHT = 1e-4
 
 def slope(points):
     """Returns exponent and standard error of a power law through (x, y); no error with two points."""
-    logs = [(math.log(x), math.log(y)) for x, y in points]
-    n = len(logs)
-    mean_x, mean_y = (sum(column) / n for column in zip(*logs))
-    spread = sum((x - mean_x) ** 2 for x, _ in logs)
-    exponent = sum((x - mean_x) * (y - mean_y) for x, y in logs) / spread
-    squares = sum((y - mean_y - exponent * (x - mean_x)) ** 2 for x, y in logs)
-    error = math.sqrt(squares / (n - 2) / spread) if n > 2 else None
-    return exponent, error, squares
+    exponent, error, rms = line_fit([(math.log(x), math.log(y)) for x, y in points])
+    return exponent, error if len(points) > 2 else None, rms**2 * len(points)
 
 
 def bent_line(points):

@@ -10,6 +10,8 @@ import sys
 import time
 import zlib
 
+from aravis import Aravis, stream_of
+
 #: Seconds in which another client's control of the camera ends.
 PATIENCE_S = 30.0
 WHOLE = "success"
@@ -17,36 +19,19 @@ WHOLE = "success"
 
 def connected(address):
     """Returns a camera that this client controls, after the client before it is forgotten."""
-    import gi
-
-    gi.require_version("Aravis", "0.8")
-    from gi.repository import Aravis, GLib
+    from gi.repository import GLib
 
     until = time.monotonic() + PATIENCE_S
     while True:
         try:
             camera = Aravis.Camera.new(address)
             camera.get_device().set_boolean_feature_value("ChunkModeActive", True)
-            return Aravis, camera
+            return camera
         except GLib.Error:
             camera = None
             if time.monotonic() > until:
                 raise
             time.sleep(0.2)
-
-
-def stream_of(Aravis, camera):
-    """Returns a stream with free buffers, patient with a busy machine."""
-    camera.gv_set_stream_options(Aravis.GvStreamOption.PACKET_SOCKET_DISABLED)
-    stream = camera.create_stream(None, None)
-    stream.set_property("frame-retention", 2_000_000)
-    stream.set_property("packet-request-ratio", 1.0)
-    stream.set_property("socket-buffer", Aravis.GvStreamSocketBuffer.FIXED)
-    stream.set_property("socket-buffer-size", 4 << 20)
-    payload = camera.get_payload()
-    for _ in range(40):
-        stream.push_buffer(Aravis.Buffer.new_allocate(payload))
-    return stream
 
 
 def take(stream, parser, out):
@@ -76,8 +61,8 @@ def line_of(buffer, parser):
 
 def main():
     address, path = sys.argv[1:]
-    Aravis, camera = connected(address)
-    stream, parser = stream_of(Aravis, camera), camera.create_chunk_parser()
+    camera = connected(address)
+    stream, parser = stream_of(camera, 40, 2_000_000, 4 << 20), camera.create_chunk_parser()
     with open(path, "w") as out:
         camera.start_acquisition()
         print("streaming", flush=True)

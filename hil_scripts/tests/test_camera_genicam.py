@@ -94,20 +94,12 @@ class Client:
     """A camera under Aravis, with chunks."""
 
     def __init__(self, address):
-        import gi
-
-        gi.require_version("Aravis", "0.8")
-        from gi.repository import Aravis
+        from aravis import Aravis, stream_of
 
         self.camera = Aravis.Camera.new(address)
         self.device = self.camera.get_device()
         self.device.set_boolean_feature_value("ChunkModeActive", True)
-        self.camera.gv_set_stream_options(Aravis.GvStreamOption.PACKET_SOCKET_DISABLED)
-        self.stream = self.camera.create_stream(None, None)
-        self.stream.set_property("frame-retention", 5_000_000)
-        payload = self.camera.get_payload()
-        for _ in range(10):
-            self.stream.push_buffer(Aravis.Buffer.new_allocate(payload))
+        self.stream = stream_of(self.camera)
         self.parser = self.camera.create_chunk_parser()
 
     def set(self, **features):

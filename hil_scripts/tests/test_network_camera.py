@@ -164,10 +164,7 @@ CHUNK_KINDS = {
 
 def client(request):
     """Handles a request of `Grab` in its own process."""
-    import gi
-
-    gi.require_version("Aravis", "0.8")
-    from gi.repository import Aravis
+    from aravis import Aravis, stream_of
 
     camera = Aravis.Camera.new(request["address"])
     device = camera.get_device()
@@ -180,19 +177,7 @@ def client(request):
             device.set_integer_feature_value(name, value)
     if rate_hz := request.get("rate_hz"):
         camera.set_frame_rate(rate_hz)
-    # As root Aravis would listen to raw packets, and to those of every interface until its filter is in place: what else
-    # is on the wire then, such as a flood, is taken for images.
-    camera.gv_set_stream_options(Aravis.GvStreamOption.PACKET_SOCKET_DISABLED)
-    stream = camera.create_stream(None, None)
-    # A busy machine: packets and processes may be late.
-    stream.set_property("frame-retention", 5_000_000)
-    stream.set_property("packet-request-ratio", 1.0)
-    if size := request.get("socket_bytes"):
-        stream.set_property("socket-buffer", Aravis.GvStreamSocketBuffer.FIXED)
-        stream.set_property("socket-buffer-size", size)
-    payload = camera.get_payload()
-    for _ in range(request.get("buffers", 10)):
-        stream.push_buffer(Aravis.Buffer.new_allocate(payload))
+    stream = stream_of(camera, request.get("buffers", 10), socket_bytes=request.get("socket_bytes"))
     parser = camera.create_chunk_parser()
     reported = {"frames": [], "packet_bytes": camera.gv_get_packet_size()}
     if request.get("rate_hz"):

@@ -14,7 +14,7 @@ import time
 import unittest
 from pathlib import Path
 
-from support import BINARY, ROOT, until
+from support import BINARY, ROOT, Running, until
 
 NO_VCAN = os.environ.get("STARLOOP_NO_VCAN") == "1"
 # Promises of the suite, and the filters.
@@ -29,28 +29,18 @@ def link_check(*arguments):
     return subprocess.run([BINARY, "link-check", "--kind", "socketcan", *arguments], capture_output=True, text=True)
 
 
-class Lines:
-    """A program whose lines are read as they come."""
+class Lines(Running):
+    """A program whose lines, errors among them, are read as they come."""
 
     def __init__(self, *command):
-        self.program = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
-        os.set_blocking(self.program.stdout.fileno(), False)
-        self.text = ""
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.program.kill()
-        self.program.wait()
-        self.program.stdout.close()
+        super().__init__(*command, stderr=subprocess.STDOUT)
+        self.first = 0
 
     def read(self):
-        self.text += (self.program.stdout.read() or b"").decode()
-        return self.text
+        return "".join(self.printed[self.first :])
 
     def wait_for(self, pattern):
-        until(lambda: f"{pattern!r} in {self.text[-2000:]!r}", lambda: re.search(pattern, self.read()))
+        until(lambda: f"{pattern!r} in {self.read()[-2000:]!r}", lambda: re.search(pattern, self.read()))
 
 
 class Echo(Lines):
@@ -85,7 +75,7 @@ class Dump(Lines):
         # It may have taken several, and some are still to be read: the next frame is behind them all.
         run("cansend", interface, "7FE#")
         until(lambda: "candump receives the last of its own", lambda: "7FE#" in self.read())
-        self.text = ""
+        self.first = len(self.printed)
 
     def frames(self):
         """Frames in the notation of cansend. Some kernels mark FD frames with flag 4, which says no more than ## does."""
@@ -302,10 +292,10 @@ class Pulses(OnVcan):
             time.clock_settime(time.CLOCK_REALTIME, time.time() + 1800.0)
             pulses.wait_for("unreadable=0")
             time.clock_settime(time.CLOCK_REALTIME, time.time() - 1800.0)
-        spans = self.after_ms(pulses.text)[1:]
-        self.assertGreaterEqual(len(spans), 3, pulses.text)
+        spans = self.after_ms(pulses.read())[1:]
+        self.assertGreaterEqual(len(spans), 3, pulses.read())
         # A busy machine delays the timer; a step in a stamp is half an hour.
-        self.assertTrue(all(500.0 < ms < 4000.0 for ms in spans), pulses.text)
+        self.assertTrue(all(500.0 < ms < 4000.0 for ms in spans), pulses.read())
 
     def test_a_missing_source_is_reported(self):
         done = subprocess.run([BINARY, "link-check", "--pps", "/sys/class/pps/pps9"], capture_output=True, text=True)
