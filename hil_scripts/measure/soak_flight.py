@@ -5,7 +5,6 @@ Everything that is found is written into a folder, so that `soak_account` can ju
 
 import json
 import os
-import re
 import shutil
 import signal
 import subprocess
@@ -13,6 +12,7 @@ import threading
 import time
 from pathlib import Path
 
+from running import PATIENCE_S, Running
 from soak_bench import BIT_RATES, REAL_SINKS, bench_text, fault_schedule, outside_schedule
 from soak_clients import BusNode, CameraClient, LiveView, RecorderReader, Samples, SerialPlug
 from starloop.client import Starloop, StarloopError
@@ -21,40 +21,13 @@ from starloop.client import Starloop, StarloopError
 BUS_SHARE = 0.9
 #: Seconds from one look at the process to the next.
 SAMPLE_S = 10.0
-#: Seconds that a program gets for its start and its end beside the run.
-PATIENCE_S = 120.0
 PATTERNS = {
-    "control": re.compile(r"control: listening on 127\.0\.0\.1:(\d+)"),
-    "token": re.compile(r"control: token (\S+?),? "),
-    "monitor": re.compile(r"live view: (\S+)"),
-    "gateway": re.compile(r"gateway: slcan \(TCP\) at 127\.0\.0\.1:(\d+)"),
+    "control": r"control: listening on 127\.0\.0\.1:(\d+)",
+    "token": r"control: token (\S+?),? ",
+    "monitor": r"live view: (\S+)",
+    "gateway": r"gateway: slcan \(TCP\) at 127\.0\.0\.1:(\d+)",
 }
-
-
-class Program:
-    """`starloop run` on the real clock; `found` has its addresses as it prints them."""
-
-    def __init__(self, command, folder):
-        self.found, self.ready = {}, threading.Event()
-        self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=open(folder / "report.json", "w"),
-                                        stderr=subprocess.PIPE, text=True)  # fmt: skip
-        self.log = open(folder / "log.txt", "w")
-        threading.Thread(target=self._read, daemon=True).start()
-
-    def _read(self):
-        for line in self.process.stderr:
-            self.log.write(line)
-            self.log.flush()
-            for name, pattern in PATTERNS.items():
-                if found := pattern.search(line):
-                    self.found.setdefault(name, found[1])
-            if len(self.found) == len(PATTERNS):
-                self.ready.set()
-
-    def wait_until_ready(self):
-        if not self.ready.wait(PATIENCE_S):
-            self.process.kill()
-            raise RuntimeError(f"the program did not print all addresses: {self.found}")
+"""Addresses as the program prints them."""
 
 
 def camera_address():
@@ -155,15 +128,15 @@ def fly(binary, folder, seconds, seed, say=print):
     bench = folder / "bench.toml"
     bench.write_text(bench_text(seed, seconds, events, sinks=REAL_SINKS.format(address=address), serial_port=serial.path))
     begun = time.time()
-    program = Program(command_of(binary, folder, bench), folder)
+    program = Running(*command_of(binary, folder, bench), stdin=subprocess.DEVNULL)
     samples = Samples(program.process.pid, min(SAMPLE_S, seconds / 20.0)).begin()
     try:
-        program.wait_until_ready()
+        address_of = {name: program.wait_for(pattern)[1] for name, pattern in PATTERNS.items()}
         recorder = RecorderReader(folder / "run").begin()
-        view, camera = LiveView(program.found["monitor"]).begin(), CameraClient(address, folder).begin()
-        bus = BusNode(program.found["gateway"], BUS_SHARE, BIT_RATES, folder).begin()
+        view, camera = LiveView(address_of["monitor"]).begin(), CameraClient(address, folder).begin()
+        bus = BusNode(address_of["gateway"], BUS_SHARE, BIT_RATES, folder).begin()
         outside = Outside(program, camera, bus, serial.begin(), view)
-        control = Starloop.connect("127.0.0.1", int(program.found["control"]), token=program.found["token"])
+        control = Starloop.connect("127.0.0.1", int(address_of["control"]), token=address_of["token"])
         taken, refused = steer(control, injected, outside, planned, say)
         view.end()
         outside.join()
@@ -172,8 +145,9 @@ def fly(binary, folder, seconds, seed, say=print):
         control.close()
         status = program.process.wait(PATIENCE_S)
     finally:
-        program.process.kill()
-        program.process.wait()
+        program.__exit__()
+        (folder / "report.json").write_text("".join(program.printed))
+        (folder / "log.txt").write_text("".join(program.said))
     for worker in (samples, recorder, view, serial):
         worker.end()
     found = {

@@ -19,6 +19,7 @@ import json
 import math
 import os
 import platform
+import re
 import struct
 import subprocess
 import tempfile
@@ -27,6 +28,7 @@ from pathlib import Path
 
 from page import PROGRAM, ROOT, SYSTEM_PYTHON, fits_of
 from page import table as table_of
+from running import PATIENCE_S, Running, until
 from starloop.client import Starloop
 from starloop.wire import CanTransport
 
@@ -35,7 +37,6 @@ RATE_DEG_S = 1.0
 EXPOSURE_S = 0.02
 #: From one trigger to the next at least: exposure and readout, and time to draw.
 PAUSE_S = 0.1
-PATIENCE_S = 60.0
 LINE = 3
 
 BENCH = """name = "triggers"
@@ -92,7 +93,7 @@ class Line:
         os.close(self.pipe)
 
 
-class Bench:
+class Bench(Running):
     """A run with a trigger line and the control socket, until the end of a `with` block; its frames are then in `rows`."""
 
     def __init__(self, duration_s=600.0, more="", sinks="", chip=None):
@@ -103,46 +104,28 @@ class Bench:
                             more=more, sinks=sinks)
         (folder / "bench.toml").write_text(text)
         self.out = folder / "run"
-        command = [PROGRAM, "run", str(folder / "bench.toml"), "--clock", "real", "--out", str(self.out), "--backend", "cpu",
-                   "--control", "127.0.0.1:0"]
-        self.log = open(folder / "said", "w+")
-        self.process = subprocess.Popen(command, stdout=self.log, stderr=subprocess.STDOUT, text=True)
-        host, port = self.address("control: listening on ")
-        self.loop = Starloop.connect(host, port)
-
-    def said(self):
-        return Path(self.log.name).read_text()
+        super().__init__(PROGRAM, "run", folder / "bench.toml", "--clock", "real", "--out", self.out, "--backend", "cpu",
+                         "--control", "127.0.0.1:0")
+        self.loop = Starloop.connect(*self.address("control: listening on "))
 
     def address(self, words):
         """Host and port that the program prints behind some words."""
-        until = time.monotonic() + PATIENCE_S
-        while True:
-            found = [line.split(words)[1].split()[0] for line in self.said().splitlines() if words in line]
-            if found:
-                host, port = found[0].rsplit(":", 1)
-                return host, int(port)
-            if time.monotonic() > until or self.process.poll() is not None:
-                raise RuntimeError(f"no line with {words!r}: {self.said()}")
-            time.sleep(0.05)
+        host, port = self.wait_for(re.escape(words) + r"(\S+)")[1].rsplit(":", 1)
+        return host, int(port)
 
     def wait_for_attitudes(self):
         """Until frames can show stars."""
-        until = time.monotonic() + PATIENCE_S
-        while self.loop.state()["now_s"] < 0.5:
-            assert time.monotonic() < until, self.said()
-            time.sleep(0.05)
+        until("attitudes", lambda: self.loop.state()["now_s"] >= 0.5, every_s=0.05)
 
     def wait_for_frames(self, count):
         """Until so many are drawn: a frame counts as delivered when its buffer comes back for the next one."""
-        until = time.monotonic() + PATIENCE_S
-        while self.loop.state()["frames"]["rendered"] < count:
-            assert time.monotonic() < until, f"wanted {count} frames: {self.loop.state()}"
-            time.sleep(0.02)
+        drawn = lambda: self.loop.state()["frames"]["rendered"]
+        until(lambda: f"{count} frames, got {drawn()}", lambda: drawn() >= count, every_s=0.02)
 
     def finish(self):
         """The report of the run."""
         report = self.loop.finish()
-        self.process.wait(timeout=PATIENCE_S)
+        self.ended()
         return report
 
     def rows(self):
@@ -152,19 +135,14 @@ class Bench:
             row["started_by"] = fits_of(self.out / f"frame_{int(row['frame']):06d}.fits")[0]["STARTBY"]
         return rows
 
-    def __enter__(self):
-        return self
-
     def __exit__(self, *_):
         self.loop.close()
         self.process.terminate()
         try:
-            self.process.wait(timeout=PATIENCE_S)
+            self.ended()
         finally:
-            self.process.kill()
-            self.process.wait()
+            super().__exit__()
             self.line.close()
-            self.log.close()
             self.folder.cleanup()
 
 
@@ -239,7 +217,7 @@ def by_network_camera(bench, count):
     request = json.dumps({"address": host, "what": "trigger", "triggers": count, "delay_us": 0.0})
     script = str(ROOT / "hil_scripts/tests/test_camera_genicam.py")
     done = subprocess.run([SYSTEM_PYTHON, script, "--client", request], capture_output=True, text=True, timeout=10 * PATIENCE_S)
-    assert done.returncode == 0, done.stderr + bench.said()[-2000:]
+    assert done.returncode == 0, done.stderr + "".join(bench.said)[-2000:]
     shots = json.loads(done.stdout.splitlines()[-1])[:-1]
     return [(shot["before"], shot["after"]) for shot in shots]
 

@@ -8,14 +8,10 @@ import csv
 import json
 import math
 import os
-import re
-import signal
 import socket
 import subprocess
 import sys
 import tempfile
-import threading
-import time
 import unittest
 from pathlib import Path
 
@@ -24,6 +20,9 @@ sys.dont_write_bytecode = True
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPTS = ROOT / "hil_scripts"
 sys.path[1:1] = [str(SCRIPTS), str(SCRIPTS / "measure")]
+
+from running import PATIENCE_S, Running, until  # noqa: E402, F401 - found by the line above
+
 TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
 PROGRAM = Path(os.environ.get("STARLOOP_BINARY", TARGET / "release/starloop")).resolve()
 BINARY = str(PROGRAM)
@@ -31,8 +30,6 @@ CAMERA = ROOT / "configs/cameras/small_tracker.toml"
 SYSTEM_PYTHON = "/usr/bin/python3"
 """The Python that has gi: the system's, not that of a virtual environment."""
 ARCSEC = math.pi / 180.0 / 3600.0
-PATIENCE_S = 120.0
-"""Nothing takes so long; a test that waits longer fails."""
 BENCH = """
 name = "{name}"
 camera = "{camera}"
@@ -104,57 +101,6 @@ def starloop(*words, status=None, **options):
     return done
 
 
-class Running:
-    """A program from its start to the end of a `with` block; `said` has the lines of its standard error so far."""
-
-    def __init__(self, *command, **options):
-        streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-        self.process = subprocess.Popen([str(word) for word in command], **{**streams, **options})
-        self.said, self.printed = [], []
-        # Read on, so that the program never waits for a reader.
-        pairs = ((self.process.stdout, self.printed), (self.process.stderr, self.said))
-        self.readers = [threading.Thread(target=kept.extend, args=(stream,), daemon=True) for stream, kept in pairs if stream]
-        for reader in self.readers:
-            reader.start()
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        if self.process.poll() is None:
-            self.process.kill()
-        self.ended()
-
-    def wait_for(self, pattern):
-        """Waits for a line of standard error with this pattern, and returns the match."""
-
-        def found():
-            is_over = not any(reader.is_alive() for reader in self.readers)
-            match = next((match for line in list(self.said) if (match := re.search(pattern, line))), None)
-            assert match or not is_over, f"ended without saying {pattern!r}: {''.join(self.said)}"
-            return match
-
-        try:
-            return until(lambda: f"{pattern!r} in {''.join(self.said)}", found)
-        except AssertionError:
-            self.process.kill()
-            raise
-
-    def ended(self, patience_s=PATIENCE_S):
-        """Waits for the end; returns standard output."""
-        self.process.wait(timeout=patience_s)
-        for reader in self.readers:
-            reader.join()
-        for stream in filter(None, (self.process.stdout, self.process.stderr)):
-            stream.close()
-        return "".join(self.printed)
-
-    def stop(self, number=signal.SIGINT):
-        """Ends the program by a signal, as Ctrl-C does; returns its standard output."""
-        self.process.send_signal(number)
-        return self.ended()
-
-
 def free_port(kind=socket.SOCK_STREAM):
     """Returns a port that was free."""
     with socket.socket(socket.AF_INET, kind) as probe:
@@ -164,13 +110,3 @@ def free_port(kind=socket.SOCK_STREAM):
 
 ADDRESSES = (f"127.{2 + os.getpid() // 250 % 250}.{1 + os.getpid() % 250}.{last}" for last in range(1, 250))
 """Addresses of this run: several runs on one machine do not meet."""
-
-
-def until(what, is_so, patience_s=PATIENCE_S, every_s=0.01):
-    """Asks until the answer is true; returns the answer. `what` is the text of a failure, or makes it."""
-    end = time.monotonic() + patience_s
-    while not (answer := is_so()):
-        if time.monotonic() > end:
-            raise AssertionError(f"not within {patience_s} s: {what() if callable(what) else what}")
-        time.sleep(every_s)
-    return answer

@@ -173,19 +173,23 @@ class FramesGoEverywhere(unittest.TestCase):
             for line in program.stop()["gateways"].values():
                 self.assertEqual(line["rejects"], {})
 
-    def test_of_the_same_first_11_bits_the_shorter_identifier_goes_first(self):
-        # As in the test below: what is queued behind the first is queued in time.
+    def overtaking(self, waiting, urgent):
+        """What a listener receives when one frame is sent after ten that wait for the wire."""
+        # 10 kbit/s: a frame takes 10 ms, so that what is queued behind the first is queued in time.
         with Program("--wire", "can_classic", "--bit-rate", "10000") as program:
-            with program.socketcand() as short, program.slcan_pty() as long, program.slcan_tcp() as listener:
-                settle(long, listener, short)
-                settle(short, listener, long)
+            with program.socketcand() as low, program.slcan_pty() as high, program.slcan_tcp() as listener:
+                settle(high, listener, low)
+                settle(low, listener, high)
                 for _ in range(10):
-                    long.send(extended(0x123 << 18, b"12345678"))
+                    high.send(waiting)
                 time.sleep(0.02)
-                short.send(classic(0x123))
-                order = lengths(receive(listener, 11))
-                self.assertEqual(order.count(False), 1)
-                self.assertLess(order.index(False), 10, "not the last, although sent last")
+                low.send(urgent)
+                return receive(listener, 11)
+
+    def test_of_the_same_first_11_bits_the_shorter_identifier_goes_first(self):
+        order = lengths(self.overtaking(extended(0x123 << 18, b"12345678"), classic(0x123)))
+        self.assertEqual(order.count(False), 1)
+        self.assertLess(order.index(False), 10, "not the last, although sent last")
 
     def test_fd_of_every_length_passes_slcan_and_is_withheld_from_socketcand(self):
         with Program() as program:
@@ -212,18 +216,9 @@ class FramesGoEverywhere(unittest.TestCase):
             self.assertEqual(program.stop()["gateways"]["slcan_tcp"]["rejects"], {"fd_on_classic_bus": 1})
 
     def test_the_lowest_identifier_overtakes_what_waits(self):
-        # 10 kbit/s: a frame takes 10 ms, so that what is queued behind the first is queued in time.
-        with Program("--wire", "can_classic", "--bit-rate", "10000") as program:
-            with program.socketcand() as low, program.slcan_pty() as high, program.slcan_tcp() as listener:
-                settle(high, listener, low)
-                settle(low, listener, high)
-                for _ in range(10):
-                    high.send(classic(0x700, b"12345678"))
-                time.sleep(0.02)
-                low.send(classic(0x001))
-                order = [message.arbitration_id for message in receive(listener, 11)]
-                self.assertEqual(sorted(order), [0x001] + [0x700] * 10)
-                self.assertLess(order.index(0x001), 10, "not the last, although sent last")
+        order = [message.arbitration_id for message in self.overtaking(classic(0x700, b"12345678"), classic(0x001))]
+        self.assertEqual(sorted(order), [0x001] + [0x700] * 10)
+        self.assertLess(order.index(0x001), 10, "not the last, although sent last")
 
     def test_time_stamps_of_socketcand_are_now(self):
         with Program() as program:

@@ -185,26 +185,23 @@ def client(request):
     started = os.times()
     camera.start_acquisition()
     print("streaming", flush=True)
-    until = time.monotonic() + request.get("seconds", PATIENCE_S)
-    triggers = request.get("triggers", 0)
-    for _ in range(triggers):
+    for _ in range(request.get("triggers", 0)):
         camera.software_trigger()
-    while len(reported["frames"]) < request["frames"] and time.monotonic() < until:
-        buffer = stream.timeout_pop_buffer(200_000)
-        if buffer is None:
-            continue
-        reported["frames"].append(described(buffer, parser, request, len(reported["frames"])))
-        stream.push_buffer(buffer)
-    camera.stop_acquisition()
-    if more := request.get("more", 0):
-        # The same stream again.
-        camera.start_acquisition()
-        until = time.monotonic() + PATIENCE_S
-        while len(reported["frames"]) < request["frames"] + more and time.monotonic() < until:
+
+    def take(count, seconds):
+        """Takes frames up to a number of all, and ends the acquisition."""
+        end = time.monotonic() + seconds
+        while len(reported["frames"]) < count and time.monotonic() < end:
             if buffer := stream.timeout_pop_buffer(200_000):
                 reported["frames"].append(described(buffer, parser, request, len(reported["frames"])))
                 stream.push_buffer(buffer)
         camera.stop_acquisition()
+
+    take(request["frames"], request.get("seconds", PATIENCE_S))
+    if more := request.get("more", 0):
+        # The same stream again.
+        camera.start_acquisition()
+        take(request["frames"] + more, PATIENCE_S)
     names = ("n_completed_buffers", "n_failures", "n_underruns", "n_missing_packets", "n_resent_packets", "n_resend_requests")
     reported["statistics"] = {name: stream.get_info_uint64_by_name(name) for name in names}
     reported["cpu_s"] = sum(os.times()[:2]) - sum(started[:2])
