@@ -293,14 +293,19 @@ class Torch:
         prnu, dsnu = (torch.from_numpy(one.astype(np.float32)) for one in patterns(scene))
 
         def add(mean):
-            e = torch.poisson(torch.from_numpy(np.ascontiguousarray(mean, np.float32)) * (1 + prnu) + scene.dark_e) + dsnu
-            e += torch.randn(e.shape) * scene.read_noise_e
+            light = torch.from_numpy(np.ascontiguousarray(mean, np.float32)) * (1 + prnu) + scene.dark_e
+            e = self.noisy(light, dsnu, scene.read_noise_e)
             return (e / scene.gain_e_per_dn + scene.black_dn + 0.5).floor().clamp(0, 65535).numpy().astype(np.uint16)
 
         return add
 
+    def noisy(self, light, dsnu, read_noise_e):
+        e = self.torch.poisson(light) + dsnu
+        e += self.torch.randn(e.shape) * read_noise_e
+        return e
 
-class Sdasim:
+
+class Sdasim(Torch):
     """`sdasim.splat.splat_gaussians`, every position of the path a source of its own, as its `expand_motion` does."""
 
     name, package = "sdasim", "sdasim"
@@ -319,17 +324,8 @@ class Sdasim:
         sigma, reach = math.sqrt(scene.sigma_px**2 + 1.0 / 12.0), reach_px(scene)
         return lambda: self.splat.splat_gaussians(size, size, places, electrons, sigma, reach).numpy()
 
-    def noise(self, scene):
-        torch = self.torch
-        prnu, dsnu = (torch.from_numpy(one.astype(np.float32)) for one in patterns(scene))
-
-        def add(mean):
-            light = torch.from_numpy(np.ascontiguousarray(mean, np.float32)) * (1 + prnu) + scene.dark_e
-            e = self.own.poisson_noise(light) + dsnu
-            e = self.own.gaussian_noise(e, scene.read_noise_e)
-            return (e / scene.gain_e_per_dn + scene.black_dn + 0.5).floor().clamp(0, 65535).numpy().astype(np.uint16)
-
-        return add
+    def noisy(self, light, dsnu, read_noise_e):
+        return self.own.gaussian_noise(self.own.poisson_noise(light) + dsnu, read_noise_e)
 
 
 class SatSim:

@@ -12,7 +12,6 @@ import json
 import os
 import pathlib
 import resource
-import socket
 import subprocess
 import tempfile
 import time
@@ -20,8 +19,9 @@ import time
 import numpy as np
 
 from page import PROGRAM, ROOT, machine, put_between
+from running import until
 from scale_report import STAGES, guide_text
-from starloop.client import Program, Starloop, toml_value
+from starloop.client import Starloop, toml_value
 
 PAGE = ROOT / "src/guide/scale.md"
 MARKS = ("<!-- tables of scale.py -->", "<!-- end of the tables -->")
@@ -138,15 +138,10 @@ def windows(renderer, tiny):
     settings = {"timing.duration_s": seconds, "timing.frame_rate_hz": 10.0, "camera.exposure.exposure_s": 0.0005,
                 "camera.exposure.readout_s": 0.088, "render.backend": "cpu", "budget.ring_frames": 20_000,
                 "flight_computer.slew.start_s": 0.5, "flight_computer.slew.duration_s": seconds + 30.0}  # fmt: skip
-    words = [str(PROGRAM), "run", str(ROOT / "configs/benches/loopback.toml"), "--quiet", "--sink", "null", "--control", "127.0.0.1:0"]
-    for key, value in settings.items():
-        words += ["--set", f"{key}={toml_value(value)}"]
-    program = Program(words, 60.0)
-    with Starloop(socket.create_connection(program.address, timeout=60.0), program, token=program.token) as loop:
+    bench = ROOT / "configs/benches/loopback.toml"
+    with Starloop.start(PROGRAM, bench, clock="real", settings=settings, arguments=["--sink", "null"]) as loop:
         loop.camera(regions=regions, frame_rate_hz=rate_hz)
-        until = time.monotonic() + seconds + 30.0
-        while not loop.state()["finished"] and time.monotonic() < until:
-            time.sleep(0.2)
+        until("its end", lambda: loop.state()["finished"], seconds + 30.0, every_s=0.2)
         report = loop.finish()
     return [(rate_hz, {"frames": report["frames"], "stages": report["stages"], "events": report["event_counts"], "windows": len(regions),
                        "pixels": sum(width * height for _, _, width, height in regions), "seconds": seconds})]  # fmt: skip

@@ -206,62 +206,49 @@ class SerialPlug(Worker):
         pass
 
 
-class CameraClient:
-    """A client of the network camera that comes, goes and is killed; each time with a file of its own."""
+class Process:
+    """A client in a process of its own that comes and goes; each time with a file of its own. It ends with its standard input."""
 
-    def __init__(self, address, folder):
-        self.address, self.folder, self.files, self.errors = address, Path(folder), [], []
-        self.process = None
+    def __init__(self, folder, name, command):
+        self.folder, self.name, self.command = Path(folder), name, command
+        self.files, self.errors, self.process = [], [], None
 
     def begin(self):
-        path = self.folder / f"camera_{len(self.files):03}.csv"
+        path = self.folder / self.name.format(len(self.files))
         self.files.append(path)
-        command = [SYSTEM_PYTHON, str(HERE / "soak_camera.py"), self.address, str(path)]
-        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+        command, log = [*self.command, str(path)], open(path.with_suffix(".log"), "w")
+        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=log, text=True)
         return self
 
     def stop(self):
-        """Lets it give up its control in order."""
+        """Lets it end in order; a client that ends with an error has it in `errors`."""
         if self.process is not None:
             try:
-                _, said = self.process.communicate("", timeout=60.0)
+                self.process.communicate("", timeout=60.0)
             except subprocess.TimeoutExpired:
                 self.process.kill()
-                _, said = self.process.communicate()
-            if self.process.returncode != 0:
-                self.errors.append(said.strip().splitlines()[-1] if said.strip() else f"status {self.process.returncode}")
+            if self.process.wait() != 0:
+                said = self.files[-1].with_suffix(".log").read_text().strip().splitlines()
+                self.errors.append(said[-1] if said else f"status {self.process.returncode}")
             self.process = None
 
     def kill(self):
-        """Ends it at once: the camera waits for its heartbeat in vain."""
+        """Ends it at once: a camera waits for its heartbeat in vain."""
         if self.process is not None:
             self.process.kill()
             self.process.communicate()
             self.process = None
 
 
-class BusNode:
-    """The process that fills the bus and measures its load; each connection has a file of its own."""
+def camera_client(address, folder):
+    """A client of the network camera."""
+    return Process(folder, "camera_{:03}.csv", [SYSTEM_PYTHON, str(HERE / "soak_camera.py"), address])
 
-    def __init__(self, port, share, bit_rates, folder):
-        self.words = [str(port), str(share), *map(str, bit_rates)]
-        self.folder, self.files, self.process = Path(folder), [], None
 
-    def begin(self):
-        path = self.folder / f"bus_{len(self.files):03}.json"
-        self.files.append(path)
-        command = [sys.executable, str(HERE / "soak_clients.py"), *self.words, str(path)]
-        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=open(path.with_suffix(".log"), "w"), text=True)
-        return self
-
-    def stop(self):
-        if self.process is not None:
-            try:
-                self.process.communicate("", timeout=30.0)
-            except subprocess.TimeoutExpired:
-                self.process.kill()
-                self.process.communicate()
-            self.process = None
+def bus_node(port, share, bit_rates, folder):
+    """The process that fills the bus and measures its load."""
+    words = [str(port), str(share), *map(str, bit_rates)]
+    return Process(folder, "bus_{:03}.json", [sys.executable, str(HERE / "soak_clients.py"), *words])
 
 
 def fill_bus(port, share, bit_rates, path):

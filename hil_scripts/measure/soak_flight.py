@@ -14,7 +14,7 @@ from pathlib import Path
 
 from running import PATIENCE_S, Running
 from soak_bench import BIT_RATES, REAL_SINKS, bench_text, fault_schedule, outside_schedule
-from soak_clients import BusNode, CameraClient, LiveView, RecorderReader, Samples, SerialPlug
+from soak_clients import LiveView, RecorderReader, Samples, SerialPlug, bus_node, camera_client
 from starloop.client import Starloop, StarloopError
 
 #: Share of the bus that is taken.
@@ -133,8 +133,8 @@ def fly(binary, folder, seconds, seed, say=print):
     try:
         address_of = {name: program.wait_for(pattern)[1] for name, pattern in PATTERNS.items()}
         recorder = RecorderReader(folder / "run").begin()
-        view, camera = LiveView(address_of["monitor"]).begin(), CameraClient(address, folder).begin()
-        bus = BusNode(address_of["gateway"], BUS_SHARE, BIT_RATES, folder).begin()
+        view, camera = LiveView(address_of["monitor"]).begin(), camera_client(address, folder).begin()
+        bus = bus_node(address_of["gateway"], BUS_SHARE, BIT_RATES, folder).begin()
         outside = Outside(program, camera, bus, serial.begin(), view)
         control = Starloop.connect("127.0.0.1", int(address_of["control"]), token=address_of["token"])
         taken, refused = steer(control, injected, outside, planned, say)

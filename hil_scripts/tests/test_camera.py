@@ -252,6 +252,11 @@ class Replays(InAFolder):
         done = starloop("replay", self.capture)
         return done.returncode, done.stdout + done.stderr
 
+    def assert_repeats(self, frames):
+        """All frames of the capture are drawn again."""
+        status, text = self.replay()
+        self.assertEqual((status, text.strip()), (0, f"{frames} of {frames} frames bit-identical"))
+
     def flown(self, *arguments):
         settings = {"timing.duration_s": 3.0, "camera": str(ROOT / "configs/cameras/small_tracker.toml")}
         return Starloop.start(BINARY, INSIDE, settings=settings,
@@ -269,8 +274,7 @@ class Replays(InAFolder):
             loop.camera(trigger_mode=False, exposure_auto="continuous")
             loop.step(until_s=3.0)
             frames = loop.finish()["frames"]["delivered"]
-        status, text = self.replay()
-        self.assertEqual((status, text.strip()), (0, f"{frames} of {frames} frames bit-identical"))
+        self.assert_repeats(frames)
         table = self.capture / "frames.csv"
         rows = table.read_text().splitlines()
         self.assertEqual([row.endswith(",") for row in rows[1:4]], [True] * 3, "not commanded so far")
@@ -289,8 +293,7 @@ class Replays(InAFolder):
                 loop.camera(exposure_us=30000)
                 loop.step(until_s=2.0)
                 frames = loop.finish()["frames"]["delivered"]
-            status, text = self.replay()
-            self.assertEqual((status, text.strip()), (0, f"{frames} of {frames} frames bit-identical"))
+            self.assert_repeats(frames)
             table = self.capture / "samples.csv"
             rows = table.read_text().splitlines(keepends=True)
             changed = [self.turned(row) if row.startswith("attitude") else row for row in rows]

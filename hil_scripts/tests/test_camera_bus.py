@@ -11,10 +11,9 @@ import unittest
 from pathlib import Path
 
 import numpy
-from astropy.io import fits
 
 from support import InAFolder
-from test_flight import Gateways, Relay, Stimulator, fly
+from test_flight import Gateways, Relay, Stimulator, fly, frames_of
 
 #: An even light beside which stars do not matter, and nothing that differs from pixel to pixel.
 LIGHT_E_PER_S = 200000.0
@@ -33,16 +32,6 @@ WANTED = [(50000, 0.0), (50000, 6.0), (20000, 6.0)]
 PROPORTION = 0.01
 
 
-def recorded(folder):
-    """Header, and mean above the black level, DN, of every recorded frame, by number."""
-    found = {}
-    for path in sorted(Path(folder).glob("frame_*.fits")):
-        with fits.open(path) as units:
-            header = dict(units[0].header)
-            found[header["FRAME"]] = (header, float(numpy.mean(units[0].data)) - header["BLACKLVL"])
-    return found
-
-
 def reported(said):
     """Returns the values of CAMERA_STATUS, by frame number modulo 256."""
     frames = {}
@@ -56,7 +45,8 @@ class Commands(InAFolder):
         self.assertEqual(status, 0, said)
         for command in COMMANDS:
             self.assertIn(f"camera {command.partition('@')[0]} was taken", said)
-        frames, statuses = recorded(folder), reported(said)
+        statuses = reported(said)
+        frames = {number: (header, mean - header["BLACKLVL"]) for number, (header, mean) in frames_of(folder).items()}
         self.assertGreater(len(statuses), 20, said)
         seen = {}
         for number, (header, light_dn) in frames.items():

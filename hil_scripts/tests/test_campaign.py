@@ -16,7 +16,6 @@ import signal
 import statistics
 import subprocess
 import sys
-import tempfile
 import time
 import unittest
 import xml.etree.ElementTree
@@ -24,10 +23,8 @@ from pathlib import Path
 
 import pyarrow.parquet
 
-from support import BINARY, ROOT, InAFolder
-from starloop import campaign
-from starloop import campaign_page
-from starloop import campaign_report
+from support import BINARY, ROOT, InAFolder, folder_for
+from starloop import campaign, campaign_page, campaign_report
 
 SCENARIO = str(ROOT / "configs/scenarios/acquisition.toml")
 SHORT = ["--set", "duration_s=3.0", "--set", "expect.window_s=1.0"]
@@ -50,12 +47,10 @@ def whole_rows(out):
     return sorted((Path(out) / "tasks").glob("[!.]*.parquet"))
 
 
-class Campaign(unittest.TestCase):
+class Campaign(InAFolder):
     def setUp(self):
-        folder = tempfile.TemporaryDirectory(prefix="campaign")
-        self.addCleanup(folder.cleanup)
-        self.out = Path(folder.name) / "a"
-        self.other = Path(folder.name) / "b"
+        super().setUp()
+        self.out, self.other = self.folder / "a", self.folder / "b"
 
     def kill_halfway(self, arguments, rows):
         """Kills a campaign with all its workers as soon as it has written so many rows."""
@@ -170,10 +165,8 @@ class Report(unittest.TestCase):
 
     @classmethod
     def setUpClass(cls):
-        cls.folder = tempfile.TemporaryDirectory(prefix="campaign_report")
-        cls.addClassCleanup(cls.folder.cleanup)
-        cls.out = Path(cls.folder.name) / "a"
-        cls.requirements = Path(cls.folder.name) / "requirements.toml"
+        cls.folder = folder_for(cls)
+        cls.out, cls.requirements = cls.folder / "a", cls.folder / "requirements.toml"
         cls.requirements.write_text(REQUIREMENTS.format(most=1e9))
         cls.arguments = ["--seeds", "1..6", "--grid", "control.delay_ms=0,100", "--report"]
         cls.ended = run(cls.out, *cls.arguments, "--requirements", str(cls.requirements))
@@ -183,7 +176,7 @@ class Report(unittest.TestCase):
 
     def again(self, text):
         """The same rows under other requirements: no run is flown again."""
-        other = Path(self.folder.name) / "other.toml"
+        other = self.folder / "other.toml"
         other.write_text(text)
         ended = run(self.out, *self.arguments, "--requirements", str(other))
         self.assertIn("all 12 tasks were there", ended.stderr)

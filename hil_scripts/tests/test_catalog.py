@@ -60,6 +60,19 @@ def directions(ra_deg, dec_deg):
     return numpy.stack([numpy.cos(dec) * numpy.cos(ra), numpy.cos(dec) * numpy.sin(ra), numpy.sin(dec)], -1)
 
 
+def kill_import(test, out, *files):
+    """Kills an import between its first input and its end."""
+    words = [BINARY, "catalog", "import", *map(str, files), "--out", str(out), "--layers", LAYERS]
+    program = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    progress = out / "import/progress.json"
+    while program.poll() is None and not progress.exists():
+        time.sleep(0.002)
+    program.send_signal(signal.SIGKILL)
+    program.wait()
+    test.assertTrue(progress.exists(), "stopped between its first input and its end")
+    test.assertFalse((out / "g10.starlayer").exists(), "no layer is there before it is whole")
+
+
 class RealRows(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
@@ -147,16 +160,7 @@ class RealRows(unittest.TestCase):
 
     def test_an_import_that_is_killed_goes_on(self):
         out = self.root / "killed"
-        words = [BINARY, "catalog", "import", *map(str, self.files), "--out", str(out), "--layers", LAYERS]
-        program = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        progress = out / "import/progress.json"
-        while program.poll() is None and not progress.exists():
-            time.sleep(0.005)
-        program.send_signal(signal.SIGSTOP)
-        self.assertTrue(progress.exists(), "stopped between its first input and its end")
-        program.send_signal(signal.SIGKILL)
-        program.wait()
-        self.assertFalse((out / "g10.starlayer").exists(), "no layer is there before it is whole")
+        kill_import(self, out, *self.files)
         done = starloop_catalog("import", *self.files, "--out", out, "--layers", LAYERS, status=0)
         self.assertIn("taken in before", done.stderr)
         for layer in self.layers:

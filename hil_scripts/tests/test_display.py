@@ -20,17 +20,18 @@ import tempfile
 import time
 import unittest
 import zlib
+from pathlib import Path
 
 import support
-from support import BINARY, InAFolder, summary_of
+from support import BINARY, InAFolder, starloop, summary_of
 
 SIDE = 256  # a square with each luminance once
 PATIENCE_S = 60
 
 
-def command(*arguments):
-    """The command line that shows images; the one place that knows it."""
-    return [BINARY, "display", *arguments]
+def display(*arguments, **options):
+    """Runs the command that shows images."""
+    return starloop("display", *arguments, timeout=PATIENCE_S, **options)
 
 
 def needed(*programs):
@@ -70,18 +71,19 @@ class Screen:
     """An X server of its own, with or without a window manager."""
 
     def __init__(self, size=(SIDE, SIDE), manager=None, depth=24):
-        self.folder = tempfile.TemporaryDirectory()
+        self.kept = tempfile.TemporaryDirectory()
+        self.folder = Path(self.kept.name)
         self.size = size
         reading, writing = os.pipe()
         geometry = f"{size[0]}x{size[1]}x{depth}"
-        arguments = ["-screen", "0", geometry, "-fbdir", self.folder.name, "-nolisten", "tcp", "-noreset"]
+        arguments = ["-screen", "0", geometry, "-fbdir", self.kept.name, "-nolisten", "tcp", "-noreset"]
         self.server = subprocess.Popen(
             ["Xvfb", "-displayfd", str(writing), *arguments], pass_fds=[writing], stderr=subprocess.DEVNULL
         )
         os.close(writing)
         with os.fdopen(reading) as pipe:
             number = pipe.readline().strip()
-        self.environment = {**os.environ, "DISPLAY": f":{number}", "HOME": self.folder.name}
+        self.environment = {**os.environ, "DISPLAY": f":{number}", "HOME": self.kept.name}
         self.environment.pop("WAYLAND_DISPLAY", None)
         self.number = number
         self.manager = None
@@ -104,7 +106,7 @@ class Screen:
             if program:
                 program.terminate()
                 program.wait(PATIENCE_S)
-        self.folder.cleanup()
+        self.kept.cleanup()
 
     def pixels(self):
         """The screen as (red, green, blue) by row and column, from the server's memory."""
@@ -163,7 +165,7 @@ class Shown:
 
     def __init__(self, screen, *arguments):
         self.program = subprocess.Popen(
-            command("show", *map(str, arguments)),
+            [BINARY, "display", "show", *map(str, arguments)],
             env=screen.environment,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -341,13 +343,7 @@ class OnAScreen(InAFolder):
 
     def test_a_bench_shows_its_stars_where_its_truth_has_them(self):
         folder = self.folder
-        made = subprocess.run(
-            [BINARY, "calibrate", "display", "simulate", "--out", str(folder)],
-            capture_output=True,
-            text=True,
-            timeout=PATIENCE_S,
-        )
-        self.assertEqual(made.returncode, 0, made.stderr)
+        starloop("calibrate", "display", "simulate", "--out", folder, timeout=PATIENCE_S, status=0)
         # The frames themselves are recorded beside, one per refresh; a slower refresh for a busy machine.
         bench = (folder / "bench.toml").read_text().replace("frame_rate_hz = 60.0", "frame_rate_hz = 10.0")
         bench += "\n[[extra_sink]]\nkind = \"recorder\"\nqueue = 64\n"
@@ -402,11 +398,10 @@ class OnAScreen(InAFolder):
 
     def test_flips_and_a_photodiode_report_the_latency(self):
         submits, edges = self.folder / "submits.csv", self.folder / "edges.csv"
-        flip = command("flip", "--out", str(submits), "--count", "30", "--period", "0.12", "--marker-px", "16")
+        flip = ("flip", "--out", submits, "--count", "30", "--period", "0.12", "--marker-px", "16")
         with Screen() as screen:
-            done = subprocess.run(flip, env=screen.environment, capture_output=True, text=True, timeout=PATIENCE_S)
-            self.assertEqual(done.returncode, 0, done.stderr)
-            again = subprocess.run(flip, env=screen.environment, capture_output=True, text=True, timeout=PATIENCE_S)
+            display(*flip, env=screen.environment, status=0)
+            again = display(*flip, env=screen.environment)
             self.assertIn("submits.csv", again.stderr, "an earlier table is left alone")
         rows = support.rows_of(submits)
         self.assertGreater(len(rows), 20)
@@ -420,8 +415,7 @@ class OnAScreen(InAFolder):
         def reported(delay_s, *arguments):
             lines = [f"{unix_s(row['submit_utc']) + delay_s:.6f}" for row in rows]
             edges.write_text("edge_s\n" + "\n".join(lines) + "\n")
-            latency = command("latency", str(submits), "--edges", str(edges), *arguments)
-            return subprocess.run(latency, capture_output=True, text=True, timeout=PATIENCE_S)
+            return display("latency", submits, "--edges", edges, *arguments)
 
         said = reported(0.0305).stdout
         (found,) = re.findall(r"latency_ms = ([0-9.]+)", said)
@@ -447,22 +441,13 @@ class OnAScreen(InAFolder):
         with Screen() as screen:
             for arguments, parts in refusals:
                 with self.subTest(arguments=arguments[1:]):
-                    done = subprocess.run(
-                        command("show", *map(str, arguments)),
-                        env=screen.environment,
-                        capture_output=True,
-                        text=True,
-                        timeout=PATIENCE_S,
-                    )
-                    self.assertEqual(done.returncode, 1, done.stdout)
+                    done = display("show", *arguments, env=screen.environment, status=1)
                     for part in parts:
                         self.assertIn(part, done.stderr)
 
     def test_monitors_are_listed_by_the_names_that_choose_them(self):
         with Screen() as screen:
-            listed = subprocess.run(
-                command("monitors"), env=screen.environment, capture_output=True, text=True, timeout=PATIENCE_S
-            ).stdout
+            listed = display("monitors", env=screen.environment).stdout
             self.assertIn("256 x 256 at 0, 0", listed)
             name = listed.split()[1]
             for choice in (name, "0"):
@@ -473,14 +458,7 @@ class OnAScreen(InAFolder):
     def test_without_a_server_it_says_so(self):
         environment = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
         for server in ({}, {"DISPLAY": ":4242"}):
-            done = subprocess.run(
-                command("show", str(self.png("every.png", self.every))),
-                env={**environment, **server},
-                capture_output=True,
-                text=True,
-                timeout=PATIENCE_S,
-            )
-            self.assertEqual(done.returncode, 1)
+            done = display("show", self.png("every.png", self.every), env={**environment, **server}, status=1)
             self.assertIn("set DISPLAY", done.stderr)
 
 

@@ -9,8 +9,6 @@ belongs to. STARLOOP_BINARY names the program (default target/release/starloop),
 
 import os
 import shutil
-import signal
-import subprocess
 import time
 import unittest
 
@@ -26,8 +24,8 @@ from hats.io.validation import is_valid_catalog
 from hats.pixel_math import compute_spatial_index, generate_alignment
 from hats.pixel_math.healpix_pixel import HealpixPixel
 
-from support import BINARY, folder_for
-from test_catalog import real_rows, starloop_catalog
+from support import folder_for
+from test_catalog import kill_import, real_rows, starloop_catalog
 
 LAYERS = "10,14,18"
 COLUMNS = "source_id,RA_ICRS,DE_ICRS,parallax,pmra,pmdec,phot_g_mean_mag,phot_bp_mean_mag,phot_rp_mean_mag"
@@ -179,15 +177,7 @@ class Catalogs(unittest.TestCase):
 
     def test_an_import_that_is_killed_goes_on(self):
         out = self.root / "killed"
-        words = [BINARY, "catalog", "import", str(self.catalog), "--out", str(out), "--layers", LAYERS]
-        program = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        progress = out / "import/progress.json"
-        while program.poll() is None and not progress.exists():
-            time.sleep(0.002)
-        program.send_signal(signal.SIGKILL)
-        program.wait()
-        self.assertTrue(progress.exists(), "stopped between its first partition and its end")
-        self.assertFalse((out / "g10.starlayer").exists(), "no layer is there before it is whole")
+        kill_import(self, out, self.catalog)
         done = starloop_catalog("import", self.catalog, "--out", out, "--layers", LAYERS, status=0)
         taken = done.stderr.count("taken in before")
         self.assertTrue(0 < taken < len(self.pixels), f"{taken} of {len(self.pixels)} partitions were there")

@@ -2,11 +2,9 @@
 
 import os
 import subprocess
-import tempfile
 import unittest
-from pathlib import Path
 
-from support import SCRIPTS
+from support import SCRIPTS, folder_for
 
 SCRIPT = SCRIPTS / "packaging/host_setup.sh"
 # Output of iproute2 for an adapter that was never set up; afterwards, the words that a set-up adds.
@@ -38,9 +36,7 @@ esac
 
 class HostSetup(unittest.TestCase):
     def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.root = Path(folder.name)
+        self.root = folder_for(self)
         self.put("bin/ip", IP).chmod(0o755)
         self.put("details", DETAILS.format(**RAW))
         self.put("after", DETAILS.format(**SET))

@@ -5,6 +5,7 @@ people see it.
 """
 
 import base64
+import contextlib
 import functools
 import json
 import os
@@ -242,13 +243,19 @@ class InABrowser(unittest.TestCase):
         cls.browser = Browser()
         cls.addClassCleanup(cls.browser.close)
 
+    @contextlib.contextmanager
+    def shown(self, **options):
+        """A run whose page is open."""
+        with Run(**options) as run:
+            self.opened(run)
+            yield run
+
     def opened(self, run):
         self.browser.open(run.url + "/")
         until("a picture", lambda: self.browser.value('document.getElementById("frame")?.width > 1'))
 
     def test_the_page_follows_the_run_and_says_when_it_broke_down(self):
-        with Run() as run:
-            self.opened(run)
+        with self.shown() as run:
             first = int(self.browser.text("number"))
             until("the number moves on", lambda: int(self.browser.text("number")) >= first + 3)
             shown = int(self.browser.value('document.getElementById("frame").dataset.number'))
@@ -267,8 +274,7 @@ class InABrowser(unittest.TestCase):
             self.assertTrue(self.browser.value('document.body.classList.contains("no-signal")'))
 
     def test_a_normal_end_is_shown_as_one_with_every_frame_delivered(self):
-        with Run(duration_s=6) as run:
-            self.opened(run)
+        with self.shown(duration_s=6) as run:
             until("the end is shown", lambda: self.browser.text("status").startswith("run is over since "))
             run.process.wait(HANGS_S)
             # Longer than the page waits before it reports the loss of the signal.
@@ -283,8 +289,7 @@ class InABrowser(unittest.TestCase):
 
     def test_narrow_screens_wrap_the_header(self):
         self.addCleanup(self.browser.resize, (1280, 800))
-        with Run() as run:
-            self.opened(run)
+        with self.shown():
             until("live", lambda: self.browser.text("status") == "live")
             for width in (320, 390, 500, 840):
                 self.browser.resize((width, 800))
@@ -298,8 +303,7 @@ class InABrowser(unittest.TestCase):
 
     def test_every_head_is_a_tile_with_its_own_numbers_and_can_be_chosen(self):
         self.addCleanup(self.browser.resize, (1280, 800))
-        with Run() as run:
-            self.opened(run)
+        with self.shown():
             self.assertEqual(self.browser.value(f"({TILES})(1).tiles"), [], "control: one head needs no tiles")
             shown = self.browser.value(f"({TILES})(3)")
             self.assertEqual([tile["text"][:6] for tile in shown["tiles"]], ["head 0", "head 1", "head 2"])
@@ -318,8 +322,7 @@ class InABrowser(unittest.TestCase):
             self.assertEqual(self.browser.complaints(), [])
 
     def test_three_heads_have_a_picture_each_and_the_chosen_one_is_shown_large(self):
-        with Run(bench=THREE_HEADS) as run:
-            self.opened(run)
+        with self.shown(bench=THREE_HEADS) as run:
             tiles = '[...document.querySelectorAll("#heads .tile")].map((tile) => Number(tile.dataset.number || -1))'
             until("a picture in each other tile", lambda: self.browser.value(f"({tiles}).slice(1).every((n) => n >= 0)"))
             boresights = {(head["frame"]["ra_deg"], head["frame"]["dec_deg"]) for head in run.state()["heads"]}
@@ -332,8 +335,7 @@ class InABrowser(unittest.TestCase):
             self.assertEqual(self.browser.complaints(), [])
 
     def test_the_stars_are_in_the_picture_where_the_truth_says(self):
-        with Run() as run:
-            self.opened(run)
+        with self.shown():
             until("truth", lambda: self.browser.value("shownTruth !== null"))
             stars = self.browser.value(f"({STARS})(0)")
             there = [star for star in stars if is_there(star)]
@@ -343,8 +345,7 @@ class InABrowser(unittest.TestCase):
             self.assertLessEqual(len(elsewhere), 0.2 * len(stars), "control: nine pixels beside there is nothing")
 
     def test_the_map_has_the_boresight_and_the_upper_side_where_the_attitude_says(self):
-        with Run() as run:
-            self.opened(run)
+        with self.shown():
             found = until("a state", lambda: self.browser.value(POINTING))
         for name in ("boresight", "up"):
             self.assertLess(abs(found[name]), POINTING_DEG, found)
@@ -353,8 +354,7 @@ class InABrowser(unittest.TestCase):
     def test_the_overlay_is_drawn_when_it_is_wanted(self):
         painted = """(() => { const c = document.getElementById("overlay");
             return c.getContext("2d").getImageData(0, 0, c.width, c.height).data.some((v) => v > 0); })()"""
-        with Run() as run:
-            self.opened(run)
+        with self.shown():
             # Names of stars have a switch of their own.
             self.browser.value('document.getElementById("names-on").click()')
             until("circles", lambda: self.browser.value(painted))
@@ -366,16 +366,14 @@ class InABrowser(unittest.TestCase):
     def test_every_stretch_is_shown(self):
         chosen = """((name) => { const s = document.getElementById("stretch");
             s.value = name; s.dispatchEvent(new Event("change")); })"""
-        with Run() as run:
-            self.opened(run)
+        with self.shown():
             for name in ("faint", "linear", "log", "dn", "stars"):
                 self.browser.value(f"{chosen}({name!r})")
                 until(name, lambda: self.browser.value(f'pictureOf.includes("stretch={name}")'))
             self.assertEqual(self.browser.complaints(), [])
 
     def test_every_control_and_drawing_has_a_name(self):
-        with Run() as run:
-            self.opened(run)
+        with self.shown():
             nameless = self.browser.value(
                 """[...document.querySelectorAll("select, input, canvas")].filter((e) => !e.labels?.length
                 && !e.ariaLabel && e.getAttribute("aria-hidden") !== "true").map((e) => e.id)"""

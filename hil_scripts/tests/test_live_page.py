@@ -115,8 +115,7 @@ class OnThePage(unittest.TestCase):
                 self.assertEqual(self.browser.complaints(), [])
 
     def test_buttons_wheel_keys_and_two_fingers_zoom_and_dragging_moves(self):
-        with Run() as run:
-            self.opened(run)
+        with self.shown():
             whole = self.value(SEEN)
             self.assertAlmostEqual(min(whole[:2]), 1024, delta=1)
             x, y = self.middle()
@@ -160,8 +159,7 @@ class OnThePage(unittest.TestCase):
             bench = Path(folder) / "bench.toml"
             recorder = f'[sink]\nkind = "recorder"\ndirectory = "{folder}/frames"\nfits = true\n'
             bench.write_text(bench_text("loopback") + recorder)
-            with Run(bench=bench, sink=()) as run:
-                self.opened(run)
+            with self.shown(bench=bench, sink=()) as run:
                 self.value("togglePause()")
                 number = self.value("shownNumber()")
                 for _ in range(5):
@@ -193,8 +191,7 @@ class OnThePage(unittest.TestCase):
             self.assertGreater(off(answer, other), 10 * pixel_deg, "control: another star")
 
     def test_a_tap_and_the_arrow_keys_choose_a_pixel(self):
-        with Run() as run:
-            self.opened(run)
+        with self.shown():
             x, y = self.middle()
             self.mouse("mousePressed", x, y, button="left", buttons=1, clickCount=1)
             self.mouse("mouseReleased", x, y, button="left", clickCount=1)
@@ -217,8 +214,7 @@ class OnThePage(unittest.TestCase):
             return n; })()"""
         # Orion is in part in the bench's field; the numbers are of the Hipparcos catalog.
         orion = {"Betelgeuse": "HIP 27989", "Rigel": "HIP 24436", "Bellatrix": "HIP 25336", "Alnilam": "HIP 26311"}
-        with Run() as run:
-            self.opened(run)
+        with self.shown():
             self.value("togglePause()")
             found = {row["name"]: row for row in until("names", lambda: self.value(names))}
             shown = set(orion) & set(found)
@@ -233,8 +229,7 @@ class OnThePage(unittest.TestCase):
             self.assertEqual(self.value(painted), 0, "control: switched off")
 
     def test_pause_holds_the_frame_while_the_count_goes_on_and_history_steps(self):
-        with Run() as run:
-            self.opened(run)
+        with self.shown():
             until("some frames", lambda: len(self.value("keptFrames()")) >= 5)
             self.press("p", 80)
             held = self.value(HELD)
@@ -266,8 +261,7 @@ class OnThePage(unittest.TestCase):
 
     def test_events_and_timing_show_the_numbers_of_the_run(self):
         rows = lambda name: self.value(f"[...byId({name!r}).tBodies[0].rows].map((r) => [...r.cells].map((c) => c.textContent))")
-        with Run(duration_s=7) as run:
-            self.opened(run)
+        with self.shown(duration_s=7):
             until("the end", lambda: self.browser.text("status").startswith("run is over"))
             self.press("2", 50)
             state = self.value("lastState.run")
@@ -314,8 +308,7 @@ class OnThePage(unittest.TestCase):
             self.assertEqual(len(self.value(CONTROLS)["nameless"]), 1, "control: a button without a name")
 
     def test_help_lists_the_keys_and_they_can_be_switched_off(self):
-        with Run() as run:
-            self.opened(run)
+        with self.shown():
             self.press("?", 191)
             self.assertTrue(self.value("byId('help').open"))
             listed = self.value("[...document.querySelectorAll('#help dd')].map((e) => e.textContent)")

@@ -86,9 +86,12 @@ def recipes(page, text):
     return [recipe for recipe in found if recipe.steps]
 
 
-def prepared(folder):
-    """Makes what a reader has before the first command; returns the environment of the commands."""
+def prepared(folder, recipe):
+    """Makes what a reader has before the first command, and the recipe's files; returns the environment of the commands."""
     folder = Path(folder)
+    for step in recipe.steps:
+        if step.kind == "file":
+            (folder / step.name).write_text(step.text)
     for name in ("configs", "hil_scripts"):
         (folder / name).symlink_to(FOLDERS.get(name, ROOT / name))
     tools = folder / ".tools"
@@ -114,13 +117,8 @@ def bash(script, folder, environment):
 def fault_of(recipe):
     """Follows a recipe in a folder of its own; returns what went wrong, or nothing."""
     with tempfile.TemporaryDirectory(prefix="starloop_recipe_") as folder:
-        environment = prepared(folder)
-        script = []
-        for step in recipe.steps:
-            if step.kind == "file":
-                (Path(folder) / step.name).write_text(step.text)
-            else:
-                script.append(step.text)
+        environment = prepared(folder, recipe)
+        script = [step.text for step in recipe.steps if step.kind != "file"]
         status, said = bash("".join(script), folder, environment)
         if status != 0:
             return f"{recipe.title}: status {status}\n{''.join(script)}\n{said[-3000:]}"
@@ -143,10 +141,7 @@ class Pages(unittest.TestCase):
     def test_a_check_fails_where_nothing_was_run(self):
         for recipe in ALL:
             with self.subTest(recipe.title), tempfile.TemporaryDirectory() as folder:
-                environment = prepared(folder)
-                for step in recipe.steps:
-                    if step.kind == "file":
-                        (Path(folder) / step.name).write_text(step.text)
+                environment = prepared(folder, recipe)
                 for check in recipe.checks:
                     self.assertNotEqual(bash(check, folder, environment)[0], 0, check)
 

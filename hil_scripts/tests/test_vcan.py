@@ -14,7 +14,7 @@ import time
 import unittest
 from pathlib import Path
 
-from support import BINARY, ROOT, Running, until
+from support import BINARY, ROOT, Running, starloop, until
 
 NO_VCAN = os.environ.get("STARLOOP_NO_VCAN") == "1"
 # Promises of the suite, and the filters.
@@ -25,8 +25,8 @@ def run(*command):
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout
 
 
-def link_check(*arguments):
-    return subprocess.run([BINARY, "link-check", "--kind", "socketcan", *arguments], capture_output=True, text=True)
+def link_check(*arguments, **options):
+    return starloop("link-check", "--kind", "socketcan", *arguments, **options)
 
 
 class Lines(Running):
@@ -96,8 +96,7 @@ class OnVcan(unittest.TestCase):
 
 class Suite(OnVcan):
     def hold(self, *arguments):
-        done = link_check(*arguments)
-        self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+        done = link_check(*arguments, status=0)
         self.assertEqual(done.stdout.count("held  "), CHECKS, done.stdout)
         self.assertIn("0 unstamped", done.stdout)
         print(f"{' '.join(arguments)}\n{done.stdout}", end="")
@@ -116,9 +115,7 @@ class Suite(OnVcan):
 
 class Refusals(OnVcan):
     def refused(self, *arguments):
-        done = link_check(*arguments)
-        self.assertEqual(done.returncode, 1, done.stdout)
-        return done.stderr
+        return link_check(*arguments, status=1).stderr
 
     def test_an_absent_interface(self):
         self.assertRegex(self.refused("--interface", "can9"), "can9.*No such device.*ip link add vcan0 type vcan")
@@ -197,7 +194,7 @@ class Losses(OnVcan):
                 run("ip", "link", "set", "vcan1", "up")
                 echo.wait_counters(lost=time_lost, regained=time_lost)
                 self.talk(echo, "vcan1", time_lost + 1)
-            self.assertIsNone(echo.program.poll(), "still there")
+            self.assertIsNone(echo.process.poll(), "still there")
 
     def test_an_interface_unplugged_comes_back(self):
         run("ip", "link", "add", "vcan2", "type", "vcan")
@@ -229,15 +226,15 @@ class Losses(OnVcan):
 
     @staticmethod
     def sleeps(echo):
-        status = Path(f"/proc/{echo.program.pid}/status").read_text()
+        status = Path(f"/proc/{echo.process.pid}/status").read_text()
         return int(re.search(r"^voluntary_ctxt_switches:\s+(\d+)", status, re.MULTILINE)[1])
 
     def test_drops_of_the_kernel_are_counted_exactly(self):
         flood = 16_000
         with Echo("vcan0") as echo:
-            echo.program.send_signal(signal.SIGSTOP)
+            echo.process.send_signal(signal.SIGSTOP)
             run("cangen", "vcan0", "-g", "0", "-I", "123", "-L", "8", "-D", "1122334455667788", "-n", str(flood))
-            echo.program.send_signal(signal.SIGCONT)
+            echo.process.send_signal(signal.SIGCONT)
 
             sent = flood
 
@@ -298,8 +295,7 @@ class Pulses(OnVcan):
         self.assertTrue(all(500.0 < ms < 4000.0 for ms in spans), pulses.read())
 
     def test_a_missing_source_is_reported(self):
-        done = subprocess.run([BINARY, "link-check", "--pps", "/sys/class/pps/pps9"], capture_output=True, text=True)
-        self.assertEqual(done.returncode, 1)
+        done = starloop("link-check", "--pps", "/sys/class/pps/pps9", status=1)
         self.assertIn("ls /sys/class/pps", done.stderr)
 
 
