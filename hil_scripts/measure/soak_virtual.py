@@ -14,7 +14,7 @@ from pathlib import Path
 
 from soak_account import commanded_spans, is_within, line_fit
 from soak_bench import CONFIGS, bench_text, fault_schedule, limits_text
-from soak_clients import RecorderReader, Worker
+from soak_clients import RecorderReader, Samples
 
 #: Frames and attitudes per second; at 20 Hz a simulated day would take more than an hour of a core, at 2 Hz eight minutes.
 RATE_HZ, ATTITUDE_HZ = 2.0, 10.0
@@ -38,23 +38,17 @@ RESTARTS = (
 SINK = '\n[sink]\nkind = "recorder"\nfits = true\n'
 
 
-class MemoryByFrames(Worker):
+class MemoryByFrames(Samples):
     """Memory of the program over the frames that it has recorded."""
 
-    period_s = 0.5
-
     def __init__(self, pid, reader):
-        super().__init__()
-        self.pid, self.reader, self.rows = pid, reader, []
+        super().__init__(pid, 0.5)
+        self.reader, self.by_frames = reader, []
 
     def step(self):
-        try:
-            lines = Path(f"/proc/{self.pid}/status").read_text().splitlines()
-        except OSError:
-            return
-        for line in lines:
-            if line.startswith("VmRSS"):
-                self.rows.append((len(self.reader.frames), int(line.split()[1]) * 1024))
+        before = len(self.rows)
+        super().step()
+        self.by_frames += [(len(self.reader.frames), row[1]) for row in self.rows[before:]]
 
 
 def leg_events(seed, seconds):
@@ -84,7 +78,7 @@ def fly_leg(binary, folder, number, seconds, seed, start):
         raise RuntimeError(f"leg {number} ended with {status}: {(folder / 'log.txt').read_text()[-500:]}")
     found = judged(folder, reader, events, seconds)
     found.update({"leg": number, "start_utc": start.isoformat(), "seconds": seconds, "wall_s": time.monotonic() - begun,
-                  "exit_status": status, "memory": slope_of(memory.rows), "errors": [e for e in (reader.error, memory.error) if e]})  # fmt: skip
+                  "exit_status": status, "memory": slope_of(memory.by_frames), "errors": [e for e in (reader.error, memory.error) if e]})  # fmt: skip
     shutil.rmtree(folder / "run")
     return found
 

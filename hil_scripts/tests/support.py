@@ -66,9 +66,10 @@ class InAFolder(unittest.TestCase):
         self.out = self.folder / "run"
 
     def written(self, name, text):
-        """Writes a file in the folder; returns its path as text."""
-        (self.folder / name).write_text(text)
-        return str(self.folder / name)
+        """Writes a file in the folder; returns its path."""
+        path = self.folder / name
+        path.write_text(text)
+        return path
 
 
 def rows_of(path):
@@ -87,6 +88,11 @@ def product(a, b):
     (aw, ax, ay, az), (bw, bx, by, bz) = a, b
     return (aw * bw - ax * bx - ay * by - az * bz, aw * bx + ax * bw + ay * bz - az * by,
             aw * by - ax * bz + ay * bw + az * bx, aw * bz + ax * by - ay * bx + az * bw)  # fmt: skip
+
+
+def about_y(angle_rad):
+    """Returns the attitude of a body that has turned about its y axis: passive, w x y z."""
+    return [math.cos(0.5 * angle_rad), 0.0, -math.sin(0.5 * angle_rad), 0.0]
 
 
 # --- the program ------------------------------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ import unittest
 
 import numpy
 
-from support import ARCSEC, BINARY, ROOT, InAFolder, starloop
+from support import ARCSEC, BINARY, ROOT, InAFolder, about_y, starloop
 from starloop.client import Starloop, StarloopError, attitude_sample
 
 OUTSIDE = ROOT / "configs/benches/lockstep.toml"
@@ -23,11 +23,8 @@ BRIGHT = {"camera.detector.dark_e_per_s": 80000.0, "camera.radiometry.limiting_m
 
 def samples(rate_rad_s, until_s):
     """Attitude and rate of a body that turns about y, every 10 ms."""
-    rows = []
-    for k in range(-20, round(until_s * 100.0) + 20):
-        half = 0.5 * rate_rad_s * 0.01 * k
-        rows.append(attitude_sample(round(0.01 * k, 9), [math.cos(half), 0.0, -math.sin(half), 0.0], [0.0, rate_rad_s, 0.0]))
-    return rows
+    counts = range(-20, round(until_s * 100.0) + 20)
+    return [attitude_sample(round(0.01 * k, 9), about_y(rate_rad_s * 0.01 * k), [0.0, rate_rad_s, 0.0]) for k in counts]
 
 
 def outside(duration_s=2.0, rate_rad_s=0.0, arguments=(), **settings):
@@ -53,8 +50,7 @@ def mean_and_variance(loop, pairs=4):
 
 
 def turned_off_arcsec(wxyz, rate_rad_s, at_s):
-    half = 0.5 * rate_rad_s * at_s
-    wanted = [math.cos(half), 0.0, -math.sin(half), 0.0]
+    wanted = about_y(rate_rad_s * at_s)
     return min(2.0 * math.dist(wxyz, [sign * part for part in wanted]) for sign in (1.0, -1.0)) / ARCSEC
 
 

@@ -76,8 +76,7 @@ class Help(Case):
 
 class Shells(Case):
     def completions(self, shell):
-        path = self.folder / f"starloop.{shell}"
-        path.write_text(self.done("completions", shell).stdout)
+        path = self.written(f"starloop.{shell}", self.done("completions", shell).stdout)
         return path
 
     def test_bash_completes_a_command(self):
@@ -97,8 +96,7 @@ class Shells(Case):
         path = self.completions(shell)
         self.assertIn("doctor", path.read_text())
         self.assertTrue(self.reads(shell, path))
-        broken = self.folder / "broken"
-        broken.write_text(path.read_text() + "\nif (\n")
+        broken = self.written("broken", path.read_text() + "\nif (\n")
         self.assertFalse(self.reads(shell, broken), "control")
 
     @unittest.skipUnless(shutil.which("zsh"), "zsh is not installed")

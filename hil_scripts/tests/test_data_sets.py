@@ -1,7 +1,6 @@
-#!/usr/bin/env python3
 """Data sets: files as the readers of other people have them, kills, workers, star identifiers.
 
-    STARLOOP_DATA_SET_ITEMS=10000 hil_scripts/tests/test_data_sets.py Kills     the long form: as many items as that
+    STARLOOP_DATA_SET_ITEMS=10000 python3 hil_scripts/tests/test_data_sets.py Kills     the long form: as many items as that
 """
 
 import functools
@@ -165,16 +164,18 @@ class Readers(unittest.TestCase):
             outside.append((pixels[~mask] - numpy.median(pixels)).mean())
         self.assertGreater(numpy.mean(inside), 5 * max(numpy.mean(outside), 1.0))
 
+    def by_dask(self, *words):
+        command = [sys.executable, ROOT / "hil_scripts/starloop/dask_data_set.py", "--binary", PROGRAM, *words]
+        return subprocess.run(command, cwd=self.folder, capture_output=True, text=True, timeout=600)
+
     def test_dask_draws_the_same_folder(self):
         out = self.folder / "dask"
-        command = [sys.executable, ROOT / "hil_scripts/starloop/dask_data_set.py", self.spec, "--count", str(self.COUNT), "--out", out]
-        done = subprocess.run([*command, "--workers", "2", "--binary", PROGRAM, "--images", "png"], capture_output=True, text=True, timeout=600)
+        done = self.by_dask(self.spec, "--count", str(self.COUNT), "--out", out, "--workers", "2", "--images", "png")
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertEqual(tree(out), tree(self.folder / "png"))
 
     def test_dask_takes_a_built_in_name_and_says_what_is_not_there(self):
-        command = [sys.executable, ROOT / "hil_scripts/starloop/dask_data_set.py", "--count", "2", "--workers", "1", "--binary", PROGRAM]
-        run = lambda *more: subprocess.run([*command, *more], cwd=self.folder, capture_output=True, text=True, timeout=600)
+        run = lambda *more: self.by_dask("--count", "2", "--workers", "1", *more)
         done = run(TARGETS, "--out", "named")
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertTrue((self.folder / "named/README.md").exists())

@@ -219,11 +219,11 @@ def differences(pixels, wanted):
     ]
 
 
-def settled_differences(screen, wanted):
+def settled_differences(screen, wanted, part=lambda pixels: pixels):
     """The differences once they have gone, or after a patient wait: the server paints some time after the submit."""
     found = None
     for _ in range(50):
-        found = differences(screen.pixels(), wanted)
+        found = differences(part(screen.pixels()), wanted)
         if not found:
             break
         time.sleep(0.1)
@@ -289,12 +289,8 @@ class OnAScreen(InAFolder):
             )
             wanted = rows(self.noise[: 64 * 48], 64)
             left, top = int(place["X"]), int(place["Y"])
-            for _ in range(50):
-                part = [row[left : left + 64] for row in screen.pixels()[top : top + 48]]
-                if not differences(part, wanted):
-                    break
-                time.sleep(0.1)
-            self.assertEqual(differences(part, wanted)[:5], [])
+            part = lambda pixels: [row[left : left + 64] for row in pixels[top : top + 48]]
+            self.assertEqual(settled_differences(screen, wanted, part)[:5], [])
             shown.finish()
 
     def test_a_closed_window_ends_it_with_a_reason(self):

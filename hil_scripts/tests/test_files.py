@@ -48,16 +48,14 @@ class Files(Folder):
         return sink["refused"], sink["first_error"]
 
     def test_planted_names_cost_their_frames_and_their_targets_stay(self):
-        victim = self.folder / "victim"
-        victim.write_text("precious")
+        victim = self.written("victim", "precious")
         self.out.mkdir()
         os.mkfifo(self.out / "frame_000003.fits")
         (self.out / "frame_000005.fits").symlink_to(victim)
         (self.out / "frame_000007.truth.csv").write_text("a stranger's")
         words = ["--quiet", "--backend", "cpu", "--out", str(self.out), "--duration", "2"]
         # A pipe that is not read must not hold up the run; the limit of time is that of run_it.
-        done = self.run_it("run", self.bench('[sink]\nkind = "recorder"\n'), *words)
-        self.assertEqual(done.returncode, LOST, done.stderr)
+        done = self.run_it("run", self.bench('[sink]\nkind = "recorder"\n'), *words, status=LOST)
         self.assertIn("is there already", done.stderr)
         self.assertEqual(victim.read_text(), "precious")
         self.assertTrue((self.out / "frame_000005.fits").is_symlink())
@@ -85,13 +83,11 @@ class Files(Folder):
         self.assertFalse((self.out / "frame_000004.truth.csv").exists())
 
     def test_name_cannot_lead_out_of_the_output_folder_or_reach_the_terminal(self):
-        done = self.run_it("run", self.bench(name="../../escaped"), "--clock", "virtual", "--duration", "0.3")
-        self.assertEqual(done.returncode, 1)
+        done = self.run_it("run", self.bench(name="../../escaped"), "--clock", "virtual", "--duration", "0.3", status=1)
         self.assertIn("name is", done.stderr)
         self.assertEqual([path.name for path in self.folder.iterdir()], ["bench.toml"])
         self.assertFalse((self.folder.parent.parent / "escaped").exists())
-        done = self.run_it("check", self.bench(name="\\u001b[2J\\u0007"))
-        self.assertEqual(done.returncode, 1)
+        done = self.run_it("check", self.bench(name="\\u001b[2J\\u0007"), status=1)
         self.assertNotIn("\x1b", done.stdout + done.stderr)
         self.assertNotIn("\x07", done.stdout + done.stderr)
         # Also from where nothing is checked: the name of a file.
@@ -99,8 +95,7 @@ class Files(Folder):
         self.assertIn("no\\u{1b}[2Jfile.toml", done.stderr)
 
     def test_cell_of_ten_megabytes_is_shortened_in_the_message(self):
-        table = self.folder / "los.csv"
-        table.write_text("t_s,dx_px,dy_px,roll_arcsec\n" + "9" * 10_000_000 + "x,0,0,0\n")
+        table = self.written("los.csv", "t_s,dx_px,dy_px,roll_arcsec\n" + "9" * 10_000_000 + "x,0,0,0\n")
         words = ["--camera", str(CAMERA), "--ra", "82", "--dec", "-1", "--los", str(table), "--out", "a.fits"]
         done = self.run_it("render", *words, status=1)
         self.assertIn("los.csv", done.stderr)
@@ -171,8 +166,7 @@ class Memory(Folder):
         self.assertEqual(seen, {0, 1}, "control: both happened")
 
     def test_image_of_a_large_camera_is_refused_in_words_and_never_aborted(self):
-        camera = self.folder / "camera.toml"
-        camera.write_text(LARGE_CAMERA.format(side=8192))
+        camera = self.written("camera.toml", LARGE_CAMERA.format(side=8192))
         words = ["render", "--camera", str(camera), "--ra", "82", "--dec", "-1", "--backend", "cpu", "--out", "a.fits"]
         for megabytes in (150, 300, 500, 700):
             with self.subTest(megabytes=megabytes):

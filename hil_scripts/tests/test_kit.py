@@ -267,23 +267,22 @@ class AgainstTheVectors(unittest.TestCase):
             self.assertTrue(any(differences(db, *each) for each in frames()), wrong)
 
     def test_the_file_of_another_address_has_its_identifiers(self):
+        readdressed = lambda *words: subprocess.run([sys.executable, KIT / "dbc/readdress.py", *words], capture_output=True, text=True)
         for vector in VECTORS["messages"]:
             if (vector["id_bits"], vector["base"], vector["node"]) == (11, 0, 0):
                 continue
             place = {"node": vector["node"], "id-base": vector["base"], "id-bits": vector["id_bits"]}
             options = [text for key, value in place.items() for text in (f"--{key}", str(value))]
-            made = subprocess.run([sys.executable, KIT / "dbc/readdress.py", *options], capture_output=True, text=True, check=True)
+            made = readdressed(*options)
             db = cantools.database.load_string(made.stdout, "dbc")
             described = db.get_message_by_name(vector["message"])
             self.assertEqual(described.frame_id, int(vector["fd"]["id"], 16), vector["name"])
             self.assertEqual({message.is_extended_frame for message in db.messages}, {vector["id_bits"] == 29})
             self.assertEqual(differences(db, vector, vector["fd"]), [], vector["name"])
         # Without a change the file itself comes out; an address that does not exist is refused.
-        same = subprocess.run([sys.executable, KIT / "dbc/readdress.py"], capture_output=True, text=True, check=True)
-        self.assertEqual(same.stdout, (KIT / "dbc/starloop.dbc").read_text())
+        self.assertEqual(readdressed().stdout, (KIT / "dbc/starloop.dbc").read_text())
         for options in (["--id-base", "0x100"], ["--id-base", "0x1FFFF900", "--id-bits", "29"], ["--id-base", "8"], ["--node", "16"]):
-            done = subprocess.run([sys.executable, KIT / "dbc/readdress.py", *options], capture_output=True, text=True)
-            self.assertEqual(done.returncode, 2, options)
+            self.assertEqual(readdressed(*options).returncode, 2, options)
 
     def test_cycles_and_senders_are_reported(self):
         db = database()

@@ -11,7 +11,7 @@ import time
 import unittest
 from pathlib import Path
 
-from support import BINARY, ROOT, InAFolder, product, starloop
+from support import BINARY, ROOT, InAFolder, about_y, product, starloop
 from starloop import client as starloop_client
 from starloop.client import Starloop, StarloopError, attitude_sample, mrp_of_wxyz, wxyz_of_mrp
 
@@ -26,8 +26,7 @@ RATE = 0.01
 
 def turned(t_s):
     """Attitude and rate: a body that is turned by +a about an axis has the quaternion (cos a/2, -sin a/2)."""
-    half = 0.5 * RATE * t_s
-    return [math.cos(half), 0.0, -math.sin(half), 0.0], [0.0, RATE, 0.0]
+    return about_y(RATE * t_s), [0.0, RATE, 0.0]
 
 
 def samples(count=130):

@@ -28,12 +28,11 @@ import socket
 import subprocess
 import sys
 import tempfile
-import threading
 import tomllib
 import unittest
 from pathlib import Path
 
-from support import BINARY, ROOT
+from support import BINARY, ROOT, Running
 
 TABLES = Path(__file__).resolve().parent / "mistakes"
 LEAST_ROWS = 200
@@ -96,29 +95,18 @@ def words_of(row):
 
 def converse(row, folder, variables):
     """Returns status and last error of the control socket's answers to the requests of a row."""
-    words = [*words_of(row), "--control", "127.0.0.1:0"]
-    program = subprocess.Popen(words, cwd=folder, env=variables, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-    watchdog = threading.Timer(LIMIT_S, program.kill)
-    watchdog.start()
-    try:
-        heading = ""
-        while not (found := re.search(r"127\.0\.0\.1:(\d+)\D.*?([0-9a-f]{16,})", heading, re.S)):
-            line = program.stdout.readline()
-            assert line, f"the control socket did not open: {heading}"
-            heading += line
-        with socket.create_connection(("127.0.0.1", int(found[1])), timeout=LIMIT_S) as connection:
+    with Running(*words_of(row), "--control", "127.0.0.1:0", cwd=folder, env=variables) as program:
+        port = int(program.wait_for(r"^control: listening on 127\.0\.0\.1:(\d+)")[1])
+        token = program.wait_for("^control: token ([0-9a-f]{16,})")[1]
+        with socket.create_connection(("127.0.0.1", port), timeout=LIMIT_S) as connection:
             stream = connection.makefile("rw")
             answer = {}
             for request in row["requests"]:
-                stream.write(with_texts(request, row["base"]).replace("{{token}}", found[2]) + "\n")
+                stream.write(with_texts(request, row["base"]).replace("{{token}}", token) + "\n")
                 stream.flush()
                 line = stream.readline()
                 answer = json.loads(line) if line else {"ok": False, "error": "(closed)"}
         return int(not answer["ok"]), "", answer.get("error", "(no error)")
-    finally:
-        watchdog.cancel()
-        program.kill()
-        program.communicate()
 
 
 def outcome(row):

@@ -1,4 +1,3 @@
-#!/usr/bin/env python3
 """The benchmark beside other programs: a quick run, with the peers that this Python has, and its controls."""
 
 import csv

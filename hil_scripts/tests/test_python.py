@@ -1,4 +1,3 @@
-#!/usr/bin/env python3
 """The Python package, installed from its wheel into an environment of its own: images, runs, types, examples of the guide."""
 
 import json

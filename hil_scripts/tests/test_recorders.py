@@ -23,7 +23,7 @@ import numpy
 from astropy.io import fits
 from astropy.time import Time
 
-from support import BINARY, ROOT, InAFolder, bench_text, rows_of, starloop, summary_of
+from support import BINARY, ROOT, InAFolder, Running, bench_text, rows_of, starloop, summary_of, until
 from starloop.iceoryx_frames import SILENCE_S, FrameHead, IceoryxFrames
 from starloop.shared_frames import SharedFrames
 
@@ -75,6 +75,11 @@ class Ser:
 class Recorders(InAFolder):
     def summary(self):
         return summary_of(self.out)
+
+    def wait_for_bytes(self, running, path, size):
+        """Waits until a file that a run writes is larger than this."""
+        until(path.name, lambda: running.process.poll() is not None or path.exists() and path.stat().st_size > size)
+        self.assertIsNone(running.process.poll(), "it runs")
 
     def test_astropy_reads_every_frame_with_its_truth(self):
         sinks = '[sink]\nkind = "recorder"\npng_every = 2\n'
@@ -130,8 +135,7 @@ class Recorders(InAFolder):
         run(self.folder, SER_RECORDER, "--clock", "virtual", "--duration", "0.5", status=0)
         # Siril reads every frame, cuts a window out of it, and writes a SER file of its own.
         x, y, width, height = 40, 24, 160, 120
-        script = self.folder / "cut.ssf"
-        script.write_text(f"requires 1.0.0\nset16bits\nseqcrop frames {x} {y} {width} {height} -prefix=cut_\n")
+        script = self.written("cut.ssf", f"requires 1.0.0\nset16bits\nseqcrop frames {x} {y} {width} {height} -prefix=cut_\n")
         siril = subprocess.run(
             ["siril-cli", "-d", str(self.out), "-s", str(script)],
             env={**os.environ, "HOME": str(self.folder), "LC_ALL": "C.UTF-8"},
@@ -148,13 +152,10 @@ class Recorders(InAFolder):
         self.assertEqual(cut.trailer, ours.trailer)
 
     def test_a_killed_run_leaves_a_sequence_with_a_true_count(self):
-        running = subprocess.Popen((BINARY, *words_of(self.folder, SER_RECORDER, "--duration", "60")))
         ser = self.out / "frames.ser"
-        while not (ser.exists() and ser.stat().st_size > 178 + 5 * FRAME_BYTES):
-            self.assertIsNone(running.poll(), "it runs")
-            time.sleep(0.01)
-        running.send_signal(signal.SIGKILL)
-        running.wait()
+        with Running(BINARY, *words_of(self.folder, SER_RECORDER, "--duration", "60")) as running:
+            self.wait_for_bytes(running, ser, 178 + 5 * FRAME_BYTES)
+            running.stop(signal.SIGKILL)
         left, listed = Ser(ser), rows_of(self.out)
         self.assertGreaterEqual(left.head["count"], 5)
         # A frame is in the sequence before it is in the list.
@@ -188,14 +189,12 @@ class Recorders(InAFolder):
     def test_another_process_gets_the_bits_that_are_recorded(self):
         ring_path = self.folder / "ring"
         sinks = f'[sink]\nkind = "recorder"\n[[extra_sink]]\nkind = "shared_memory"\npath = "{ring_path}"\nslots = 16\n'
-        running = subprocess.Popen((BINARY, *words_of(self.folder, sinks, "--duration", "3")))
-        while not (ring_path.exists() and ring_path.stat().st_size > 16 * FRAME_BYTES):
-            self.assertIsNone(running.poll(), "it runs")
-            time.sleep(0.01)
+        running = self.enterContext(Running(BINARY, *words_of(self.folder, sinks, "--duration", "3")))
+        self.wait_for_bytes(running, ring_path, 16 * FRAME_BYTES)
         time.sleep(0.05)
         with SharedFrames(ring_path) as ring:
             frames = [frame.head for frame in ring.frames()]
-            self.assertEqual(running.wait(), 0)
+            self.assertEqual(running.process.wait(), 0)
             self.assertFalse(ring_path.exists(), "nothing is left behind")
             published = ring.published
             late = SharedFrames.__new__(SharedFrames)
@@ -220,12 +219,12 @@ class Recorders(InAFolder):
     def test_an_iceoryx2_reader_gets_the_bits_that_are_recorded(self):
         service = f"starloop/test/{os.getpid()}"
         sinks = f'[sink]\nkind = "recorder"\n[[extra_sink]]\nkind = "iceoryx2"\nservice = "{service}"\nslots = 16\n'
-        running = subprocess.Popen((BINARY, *words_of(self.folder, sinks, "--duration", "4")), stderr=subprocess.PIPE, text=True)
-        self.addCleanup(running.stderr.close)
+        running = self.enterContext(Running(BINARY, *words_of(self.folder, sinks, "--duration", "4")))
         reader = None
         while reader is None:
-            if running.poll() is not None:
-                error = running.stderr.read()
+            if running.process.poll() is not None:
+                running.ended()
+                error = "".join(running.said)
                 if "--features iceoryx2" in error:
                     self.skipTest("starloop was built without --features iceoryx2")
                 self.fail(error)
@@ -235,7 +234,7 @@ class Recorders(InAFolder):
                 time.sleep(0.02)
         with reader:
             frames = list(reader.frames())
-        self.assertEqual(running.wait(), 0)
+        self.assertEqual(running.process.wait(), 0)
         listed = {int(row["frame"]): row for row in rows_of(self.out)}
         self.assertGreater(len(frames), 10)
         self.assertEqual([frame.head.frame for frame in frames], sorted({frame.head.frame for frame in frames}))

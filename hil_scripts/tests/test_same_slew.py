@@ -11,7 +11,7 @@ import unittest
 
 from fmpy import extract, read_model_description
 
-from support import ARCSEC, BINARY, CAMERA, InAFolder, rows_of, starloop
+from support import ARCSEC, BINARY, CAMERA, InAFolder, about_y, rows_of, starloop
 from starloop.client import Starloop, attitude_sample
 from test_fmu import started
 
@@ -33,8 +33,7 @@ WIRE_ARCSEC = 0.05
 
 def slew(t_s):
     """The attitude at a time: a turn about the body's y axis, passive, w x y z; and the rate."""
-    half = 0.5 * RATE * t_s
-    return [math.cos(half), 0.0, -math.sin(half), 0.0], [0.0, RATE, 0.0]
+    return about_y(RATE * t_s), [0.0, RATE, 0.0]
 
 
 def off_arcsec(wxyz, t_s, rate=1.0):

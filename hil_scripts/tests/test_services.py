@@ -13,7 +13,6 @@ import socket
 import threading
 import time
 import unittest
-from pathlib import Path
 
 from support import BINARY, PATIENCE_S, ROOT, InAFolder, Running
 from starloop import flight_computer
@@ -214,7 +213,7 @@ class Control(InAFolder):
         program = self.enterContext(Running(*command))
         self.port = int(program.wait_for(r"^control: listening on .*:(\d+)")[1])
         self.token = program.wait_for("^control: token ([0-9a-f]{32}), ")[1]
-        self.victim = Path(self.written("victim.txt", "precious"))
+        self.victim = self.written("victim.txt", "precious")
 
     def body(self):
         requests = [{"request": "step", "frames": 1}]

@@ -1,4 +1,3 @@
-#!/usr/bin/env python3
 """The long run, made short: 16 s on the real clock and some simulated minutes, and its controls; a tiny run of scale.py.
 
 python3 hil_scripts/tests/test_soak.py; Needs Aravis for the system's Python, python-can, cantools, pyserial and numpy.
@@ -23,6 +22,15 @@ import soak_clients
 import soak_virtual
 
 SECONDS, SEED = 16.0, 13
+
+
+def edit(path, change):
+    """Changes the lines of a file."""
+    path.write_text("\n".join(change(path.read_text().split("\n"))))
+
+
+def largest_session(copy):
+    return max(copy.glob("camera_*.csv"), key=lambda one: one.stat().st_size)
 
 
 class Flight(unittest.TestCase):
@@ -78,10 +86,7 @@ class Flight(unittest.TestCase):
 
     def test_control_a_frame_that_the_camera_lost_is_found(self):
         def change(copy, line_of):
-            path = max(copy.glob("camera_*.csv"), key=lambda one: one.stat().st_size)
-            lines = path.read_text().split("\n")
-            lines[3:4] = line_of(lines[3])
-            path.write_text("\n".join(lines))
+            edit(largest_session(copy), lambda lines: [*lines[:3], *line_of(lines[3]), *lines[4:]])
 
         before = soak_account.account(self.folder)["camera"]["unnamed"]
         after = self.account_of_spoilt(lambda copy: change(copy, lambda line: []))["camera"]["unnamed"]
@@ -90,11 +95,7 @@ class Flight(unittest.TestCase):
         self.assertEqual(list(lost), ["received with other pixels than recorded"])
 
     def test_control_more_frames_than_the_camera_counts_are_found(self):
-        def cut(copy):
-            path = max(copy.glob("camera_*.csv"), key=lambda one: one.stat().st_size)
-            lines = path.read_text().split("\n")
-            path.write_text("\n".join(lines[:3] + lines[-30:]))
-
+        cut = lambda copy: edit(largest_session(copy), lambda lines: lines[:3] + lines[-30:])
         self.assertIn("of the network camera, neither received nor counted", self.spoilt(cut))
 
     def test_control_a_slot_without_a_row_and_one_without_a_cause_are_found(self):
@@ -160,8 +161,7 @@ class Schedules(InAFolder):
 
     def test_the_program_takes_every_fault(self):
         events, injected = soak_bench.fault_schedule(1, 40_000.0)
-        path = self.folder / "bench.toml"
-        path.write_text(soak_bench.bench_text(1, 40_000.0, events + injected))
+        path = self.written("bench.toml", soak_bench.bench_text(1, 40_000.0, events + injected))
         done = subprocess.run([str(PROGRAM), "check", str(path)], capture_output=True, text=True, check=False)
         self.assertEqual(done.returncode, 0, done.stderr)
 

@@ -122,8 +122,7 @@ class Spice(InAFolder):
         return path.name
 
     def exported(self, orbit):
-        bench = self.folder / "bench.toml"
-        bench.write_text(BENCH.format(camera=CAMERA, orbit=orbit))
+        bench = self.written("bench.toml", BENCH.format(camera=CAMERA, orbit=orbit))
         found = []
         for what in ("attitude", "observer"):
             path = self.folder / f"{what}.csv"
@@ -272,8 +271,7 @@ class Spice(InAFolder):
     def test_a_kernel_without_its_clock_is_refused(self):
         self.clocks(1)
         self.write_ck(3)
-        bench = self.folder / "bench.toml"
-        bench.write_text(BENCH.format(camera=CAMERA, orbit=self.write_spk(9)).replace('["clock.tsc", "leap.tls"]', '["leap.tls"]'))
+        bench = self.written("bench.toml", BENCH.format(camera=CAMERA, orbit=self.write_spk(9)).replace('["clock.tsc", "leap.tls"]', '["leap.tls"]'))
         done = starloop("check", bench)
         self.assertNotEqual(done.returncode, 0)
         self.assertIn("SCLK_DATA_TYPE_82", done.stderr)

@@ -31,7 +31,7 @@ import serial
 import xxhash
 from spacepackets.ecss import PusTc, PusTm
 
-from support import ARCSEC, BINARY, PATIENCE_S, ROOT, InAFolder, Running, bench_text, product, rows_of, starloop, summary_of, until
+from support import ARCSEC, BINARY, PATIENCE_S, ROOT, InAFolder, Running, about_y, bench_text, product, rows_of, starloop, summary_of, until
 from starloop.client import Starloop, attitude_sample
 
 EDS = ROOT / "src/telemetry/canopen/starloop_tracker.eds"
@@ -301,8 +301,7 @@ class VirtualClock(InAFolder):
                 self.assertGreaterEqual(spoiled, {"drop": 0, "corrupt": 5}.get(kind, 10), kind)
 
     def test_lines_that_have_no_virtual_time_are_refused(self):
-        bench = self.folder / "bench.toml"
-        bench.write_text(text([f'protocol = "nos3"\nlink = "pty"\npath = "{self.folder}/st"']))
+        bench = self.written("bench.toml", text([f'protocol = "nos3"\nlink = "pty"\npath = "{self.folder}/st"']))
         command = [BINARY, "run", str(bench), "--clock", "virtual", "--out", f"{self.folder}/run"]
         done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
         self.assertNotEqual(done.returncode, 0)
@@ -314,14 +313,12 @@ class PlantOutside(InAFolder):
     def test_a_plant_that_is_stepped_from_outside_has_a_tracker_too(self):
         """Attitudes of a client, which the bench does not know, come back out of the telemetry."""
         rate = 0.01
-        def turned(t_s):
-            return [math.cos(rate * t_s / 2), 0.0, -math.sin(rate * t_s / 2), 0.0]
         bench, out = self.folder / "bench.toml", self.folder / "run"
         shipped = (ROOT / "configs/benches/lockstep.toml").read_text().replace("../cameras", str(ROOT / "configs/cameras"))
         bench.write_text(f'{shipped}[[tracker_out]]\nlink = "file"\npath = "t.txt"\n{PERFECT}')
         with Starloop.start(BINARY, bench, settings={"timing.duration_s": 1.0}, arguments=["--out", str(out)]) as loop:
             times = [round(0.01 * k - 0.1, 9) for k in range(130)]
-            loop.attitude([attitude_sample(t_s, turned(t_s), [0.0, rate, 0.0]) for t_s in times])
+            loop.attitude([attitude_sample(t_s, about_y(rate * t_s), [0.0, rate, 0.0]) for t_s in times])
             loop.step(until_s=1.0)
             loop.finish()
         reports = [json.loads(data) for _, _, data in VirtualClock.lines(out / "t.txt")]
@@ -329,8 +326,8 @@ class PlantOutside(InAFolder):
         first = reports[0]["tai_ns"]
         for number, got in enumerate(reports):
             t_s = (got["tai_ns"] - first) * 1e-9 + EXPOSURE_MS / 2 * 1e-3
-            self.assertLessEqual(off_by(got["q_wxyz"], turned(t_s)), 1e-10, number)
-            self.assertGreater(off_by(got["q_wxyz"], turned(t_s + 0.01)), 1e-10, "control: 10 ms later")
+            self.assertLessEqual(off_by(got["q_wxyz"], about_y(rate * t_s)), 1e-10, number)
+            self.assertGreater(off_by(got["q_wxyz"], about_y(rate * (t_s + 0.01))), 1e-10, "control: 10 ms later")
 
 
 class Clients(InAFolder):

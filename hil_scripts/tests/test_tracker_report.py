@@ -632,8 +632,7 @@ frame_rate_hz = 9.0
     def test_templates_are_printed_and_checked(self):
         for kind, sound in (("plan", "is sound"), ("requirements", "are sound"), ("dataset", "sound")):
             text = self.run_here("init", kind, status=0).stdout
-            path = self.folder / f"{kind}.toml"
-            path.write_text(text.replace("../cameras", f"{ROOT}/configs/cameras"))
+            path = self.written(f"{kind}.toml", text.replace("../cameras", f"{ROOT}/configs/cameras"))
             self.assertIn(sound, self.run_here("check", path.name, status=0).stdout)
             json.loads(self.run_here("schema", kind, status=0).stdout)
             self.assertIn("| key |", self.run_here("keys", kind, status=0).stdout)

@@ -38,8 +38,7 @@ class Seeds(InAFolder):
         self.assertAlmostEqual(correlation(first, other), 0.0, delta=five_sigma)
 
     def test_a_run_records_both_seeds(self):
-        bench = self.folder / "bench.toml"
-        bench.write_text(f'camera = "{CAMERA}"\nseed = 3\nnoise_seed = 11\n[timing]\nframe_rate_hz = 10.0\n')
+        bench = self.written("bench.toml", f'camera = "{CAMERA}"\nseed = 3\nnoise_seed = 11\n[timing]\nframe_rate_hz = 10.0\n')
         found = {}
         for name, words in {"bench": [], "words": ["--seed", 4, "--noise-seed", 12], "one": ["--noise-seed", 3]}.items():
             out = self.folder / name
