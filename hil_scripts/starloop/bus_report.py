@@ -18,7 +18,7 @@ from pathlib import Path
 if not __package__:  # called by its path
     sys.path[0] = str(Path(__file__).resolve().parents[1])
 
-from starloop.wire import CanTransport
+from starloop.wire import add_can_arguments, can_transport
 
 
 def classic_s(length, is_extended, bit_rate):
@@ -42,21 +42,15 @@ def quantile(sorted_values, share):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--interface", required=True)
-    parser.add_argument("--channel", default="can0")
-    parser.add_argument("--host")
-    parser.add_argument("--port", type=int)
-    parser.add_argument("--node", type=int, default=0)
-    parser.add_argument("--id-bits", type=int, choices=(11, 29), default=11)
-    parser.add_argument("--id-base", type=lambda text: int(text, 0), default=0)
-    parser.add_argument("--fd", action="store_true")
+    add_can_arguments(parser)
     parser.add_argument("--bit-rate", type=float, default=500e3)
     parser.add_argument("--data-bit-rate", type=float, default=5e6)
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--ask", action="store_true", help="measure the round trip of INFO commands")
     given = parser.parse_args()
-    options = {key: value for key, value in (("host", given.host), ("port", given.port)) if value is not None}
-    transport = CanTransport(given.interface, given.channel, given.fd, given.node, given.id_base, given.id_bits, **options)
+    if not given.interface:
+        parser.error("the following arguments are required: --interface")
+    transport = can_transport(given)
     counts, busy_s, trips_ms = Counter(), Counter(), []
     token, asked_at, next_ask = 0, None, time.monotonic()
     begin = time.monotonic()

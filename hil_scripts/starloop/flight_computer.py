@@ -23,7 +23,7 @@ from pathlib import Path
 if not __package__:  # called by its path
     sys.path[0] = str(Path(__file__).resolve().parents[1])
 
-from starloop.wire import CanTransport, SerialTransport
+from starloop.wire import SerialTransport, add_can_arguments, can_transport
 
 ARCSEC = math.radians(1 / 3600)
 US = 1_000_000
@@ -330,15 +330,7 @@ def print_camera_frames(computer):
 
 def arguments():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--interface", help="python-can interface: slcan, socketcand, socketcan, ...")
-    parser.add_argument("--channel", default="can0", help="python-can channel (default can0)")
-    parser.add_argument("--host", help="host of socketcand")
-    parser.add_argument("--port", type=int, help="port of socketcand")
-    parser.add_argument("--node", type=int, default=0, help="node of flight computer and star sensor, 0 to 15")
-    parser.add_argument("--id-bits", type=int, choices=(11, 29), default=11, help="bits of every identifier")
-    parser.add_argument("--id-base", type=lambda text: int(text, 0), default=0,
-                        help="added to every identifier, a multiple of 16, such as 0x18FF0000 with 29 bits")
-    parser.add_argument("--fd", action="store_true", help="CAN FD instead of classic CAN")
+    add_can_arguments(parser)
     parser.add_argument("--serial", metavar="PORT", help="a serial port instead of CAN")
     parser.add_argument("--baud", type=int, default=921600)
     parser.add_argument("--slew-deg", type=float, default=5.0, help="angle to turn (default 5)")
@@ -362,17 +354,10 @@ def arguments():
     return parsed
 
 
-def connect(given):
-    if given.serial:
-        return SerialTransport(given.serial, given.baud)
-    options = {key: value for key, value in (("host", given.host), ("port", given.port)) if value is not None}
-    return CanTransport(given.interface, given.channel, given.fd, given.node, given.id_base, given.id_bits, **options)
-
-
 def main():
     given = arguments()
     try:
-        transport = connect(given)
+        transport = SerialTransport(given.serial, given.baud) if given.serial else can_transport(given)
     except Exception as error:  # each interface of python-can has errors of its own
         sys.exit(f"flight_computer: cannot connect: {error}")
     initial = pointed(*map(math.radians, (given.ra_deg, given.dec_deg, given.roll_deg)))

@@ -194,6 +194,25 @@ class CanTransport:
         self.bus.shutdown()
 
 
+def add_can_arguments(parser):
+    """Adds the arguments that say where a CAN bus is, and which node on it."""
+    parser.add_argument("--interface", help="python-can interface: slcan, socketcand, socketcan, ...")
+    parser.add_argument("--channel", default="can0", help="python-can channel (default can0)")
+    parser.add_argument("--host", help="host of socketcand")
+    parser.add_argument("--port", type=int, help="port of socketcand")
+    parser.add_argument("--node", type=int, default=0, help="node of flight computer and star sensor, 0 to 15")
+    parser.add_argument("--id-bits", type=int, choices=(11, 29), default=11, help="bits of every identifier")
+    parser.add_argument("--id-base", type=lambda text: int(text, 0), default=0,
+                        help="added to every identifier, a multiple of 16, such as 0x18FF0000 with 29 bits")
+    parser.add_argument("--fd", action="store_true", help="CAN FD instead of classic CAN")
+
+
+def can_transport(given):
+    """The transport of these arguments."""
+    options = {key: value for key, value in (("host", given.host), ("port", given.port)) if value is not None}
+    return CanTransport(given.interface, given.channel, given.fd, given.node, given.id_base, given.id_bits, **options)
+
+
 class SerialTransport:
     """The far end of a serial line."""
 

@@ -98,13 +98,20 @@ def about_y(angle_rad):
 # --- the program ------------------------------------------------------------------------------------------------------
 
 
-def starloop(*words, status=None, **options):
-    """Runs the program to its end. Where statuses are given, one or more, another is an error with what was said."""
-    options = {"capture_output": True, "text": True, "timeout": 600.0, **options}
-    done = subprocess.run([BINARY, *map(str, words)], **options)
+def ran(*words, status=None, **options):
+    """Runs a program to its end. Where statuses are given, one or more, another is an error with what was said."""
+    done = subprocess.run([str(word) for word in words], **{"capture_output": True, "text": True, "timeout": 600.0, **options})
     if status is not None and done.returncode not in (status if isinstance(status, tuple) else (status,)):
         raise AssertionError(f"{words}: status {done.returncode}\n{done.stdout}{done.stderr}")
     return done
+
+
+def starloop(*words, **options):
+    return ran(BINARY, *words, **options)
+
+
+def output(*words, **options):
+    return ran(*words, status=0, **options).stdout
 
 
 def free_port(kind=socket.SOCK_STREAM):

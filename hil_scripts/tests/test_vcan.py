@@ -14,15 +14,11 @@ import time
 import unittest
 from pathlib import Path
 
-from support import BINARY, ROOT, Running, starloop, until
+from support import BINARY, ROOT, Running, output, starloop, until
 
 NO_VCAN = os.environ.get("STARLOOP_NO_VCAN") == "1"
 # Promises of the suite, and the filters.
 CHECKS = 10
-
-
-def run(*command):
-    return subprocess.run(command, check=True, capture_output=True, text=True).stdout
 
 
 def link_check(*arguments, **options):
@@ -71,9 +67,9 @@ class Dump(Lines):
         super().__init__("candump", "-L", f"{interface},0:0,#FFFFFFFF")
         self.interface = interface
         # candump does not report when it is ready: a frame of ours shows it.
-        until(lambda: "candump receives", lambda: run("cansend", interface, "7FF#") == "" and "7FF#" in self.read())
+        until(lambda: "candump receives", lambda: output("cansend", interface, "7FF#") == "" and "7FF#" in self.read())
         # It may have taken several, and some are still to be read: the next frame is behind them all.
-        run("cansend", interface, "7FE#")
+        output("cansend", interface, "7FE#")
         until(lambda: "candump receives the last of its own", lambda: "7FE#" in self.read())
         self.first = len(self.printed)
 
@@ -124,23 +120,23 @@ class Refusals(OnVcan):
         self.assertRegex(self.refused("--interface", "lo"), "is it a CAN interface")
 
     def test_an_interface_that_is_down(self):
-        run("ip", "link", "set", "vcan1", "down")
+        output("ip", "link", "set", "vcan1", "down")
         try:
             self.assertRegex(self.refused("--interface", "vcan1"), "vcan1.*Network is down.*ip link set")
         finally:
-            run("ip", "link", "set", "vcan1", "up")
+            output("ip", "link", "set", "vcan1", "up")
 
     def test_can_fd_on_an_interface_for_classic_can(self):
-        run("ip", "link", "set", "vcan1", "down")
-        run("ip", "link", "set", "vcan1", "mtu", "16")
-        run("ip", "link", "set", "vcan1", "up")
+        output("ip", "link", "set", "vcan1", "down")
+        output("ip", "link", "set", "vcan1", "mtu", "16")
+        output("ip", "link", "set", "vcan1", "up")
         try:
             self.assertRegex(self.refused("--interface", "vcan1", "--fd"), "MTU is 16, wanted 72.*dbitrate")
             self.assertEqual(link_check("--interface", "vcan1").returncode, 0, "classic CAN goes")
         finally:
-            run("ip", "link", "set", "vcan1", "down")
-            run("ip", "link", "set", "vcan1", "mtu", "72")
-            run("ip", "link", "set", "vcan1", "up")
+            output("ip", "link", "set", "vcan1", "down")
+            output("ip", "link", "set", "vcan1", "mtu", "72")
+            output("ip", "link", "set", "vcan1", "up")
 
 
 class AgainstCanUtils(OnVcan):
@@ -151,7 +147,7 @@ class AgainstCanUtils(OnVcan):
         # The dump first: its probing frames are not to be sent back.
         with Dump("vcan0") as dump, Echo("vcan0", "--fd") as echo:
             for number, frame in enumerate(sent, 1):
-                run("cansend", "vcan0", frame)
+                output("cansend", "vcan0", frame)
                 # Its answer is out before the next one goes in: candump sees them in turn.
                 echo.wait_counters(received=number, sent=number, unsent=0)
             # FD frames leave with the bit rate switch, whatever they came with.
@@ -162,66 +158,66 @@ class AgainstCanUtils(OnVcan):
     def test_the_kernel_keeps_out_what_is_no_data_frame(self):
         with Echo("vcan0", "--fd") as echo:
             for frame in ["00000123#R", "123#R", "123#01"]:
-                run("cansend", "vcan0", frame)
+                output("cansend", "vcan0", frame)
             counters = echo.wait_counters(received=1)
             self.assertEqual((counters["sent"], counters["errors"]), (1, 0))
 
     def test_error_frames_are_counted_and_not_passed_on(self):
         with Echo("vcan0") as echo:
-            run("cansend", "vcan0", "20000008#0000040000000000")  # protocol violation: a stuffing error
+            output("cansend", "vcan0", "20000008#0000040000000000")  # protocol violation: a stuffing error
             echo.wait_counters(errors=1, bus_off=0)
-            run("cansend", "vcan0", "20000004#0001000000000000")  # the controller lost a frame
+            output("cansend", "vcan0", "20000004#0001000000000000")  # the controller lost a frame
             echo.wait_counters(errors=2, overflows=1)
-            run("cansend", "vcan0", "20000040#0000000000000000")
+            output("cansend", "vcan0", "20000040#0000000000000000")
             echo.wait_counters(errors=3, bus_off=1, restarted=0)
-            run("cansend", "vcan0", "20000100#0000000000000000")
-            run("cansend", "vcan0", "123#01")
+            output("cansend", "vcan0", "20000100#0000000000000000")
+            output("cansend", "vcan0", "123#01")
             counters = echo.wait_counters(restarted=1, received=1)
             self.assertEqual((counters["errors"], counters["bus_off"], counters["sent"]), (3, 1, 1))
 
 
 class Losses(OnVcan):
     def talk(self, echo, interface, received):
-        run("cansend", interface, "123#55")
+        output("cansend", interface, "123#55")
         return echo.wait_counters(received=received, sent=received)
 
     def test_an_interface_taken_down_comes_back(self):
         with Echo("vcan1", "--fd") as echo:
             self.talk(echo, "vcan1", 1)
             for time_lost in (1, 2):
-                run("ip", "link", "set", "vcan1", "down")
+                output("ip", "link", "set", "vcan1", "down")
                 echo.wait_counters(lost=time_lost, regained=time_lost - 1)
-                run("ip", "link", "set", "vcan1", "up")
+                output("ip", "link", "set", "vcan1", "up")
                 echo.wait_counters(lost=time_lost, regained=time_lost)
                 self.talk(echo, "vcan1", time_lost + 1)
             self.assertIsNone(echo.process.poll(), "still there")
 
     def test_an_interface_unplugged_comes_back(self):
-        run("ip", "link", "add", "vcan2", "type", "vcan")
-        run("ip", "link", "set", "vcan2", "mtu", "72", "up")
+        output("ip", "link", "add", "vcan2", "type", "vcan")
+        output("ip", "link", "set", "vcan2", "mtu", "72", "up")
         with Echo("vcan2", "--fd") as echo:
             self.talk(echo, "vcan2", 1)
-            run("ip", "link", "del", "vcan2")
+            output("ip", "link", "del", "vcan2")
             echo.wait_counters(lost=1, regained=0)
             time.sleep(0.5)  # some vain looks
-            run("ip", "link", "add", "vcan2", "type", "vcan")
-            run("ip", "link", "set", "vcan2", "mtu", "72", "up")
+            output("ip", "link", "add", "vcan2", "type", "vcan")
+            output("ip", "link", "set", "vcan2", "mtu", "72", "up")
             echo.wait_counters(lost=1, regained=1)
             self.talk(echo, "vcan2", 2)
-        run("ip", "link", "del", "vcan2")
+        output("ip", "link", "del", "vcan2")
 
     def test_a_lost_interface_is_waited_for_asleep(self):
         # Times of the CPU say little where ticks are counted and the host is busy; sleeps are counted exactly. A loop that
         # spins sleeps never, or far too often. The program looks up every 20 ms.
         with Echo("vcan1") as echo:
-            run("ip", "link", "set", "vcan1", "down")
+            output("ip", "link", "set", "vcan1", "down")
             try:
                 echo.wait_counters(lost=1)
                 before, since = self.sleeps(echo), time.monotonic()
                 until(lambda: f"{self.sleeps(echo) - before} sleeps", lambda: self.sleeps(echo) - before >= 50)
                 slept, span_s = self.sleeps(echo) - before, time.monotonic() - since
             finally:
-                run("ip", "link", "set", "vcan1", "up")
+                output("ip", "link", "set", "vcan1", "up")
             self.assertLess(slept, 50 + 4 * span_s / 0.02, f"in {span_s:.2f} s")
 
     @staticmethod
@@ -233,7 +229,7 @@ class Losses(OnVcan):
         flood = 16_000
         with Echo("vcan0") as echo:
             echo.process.send_signal(signal.SIGSTOP)
-            run("cangen", "vcan0", "-g", "0", "-I", "123", "-L", "8", "-D", "1122334455667788", "-n", str(flood))
+            output("cangen", "vcan0", "-g", "0", "-I", "123", "-L", "8", "-D", "1122334455667788", "-n", str(flood))
             echo.process.send_signal(signal.SIGCONT)
 
             sent = flood
@@ -243,7 +239,7 @@ class Losses(OnVcan):
                 counters = echo.counters()
                 if counters and counters["received"] + counters["overflows"] == sent:
                     return True
-                run("cansend", "vcan0", "124#")  # the kernel reports its count with the next frame
+                output("cansend", "vcan0", "124#")  # the kernel reports its count with the next frame
                 sent += 1
                 time.sleep(0.1)
                 return False
@@ -263,7 +259,7 @@ class Clock(OnVcan):
         with Echo("vcan0") as echo:
             for number, step_s in enumerate(steps_s):
                 for received in (2 * number + 1, 2 * number + 2):
-                    run("cansend", "vcan0", "123#55")
+                    output("cansend", "vcan0", "123#55")
                     counters = echo.wait_counters(received=received)
                     if abs(step_s) >= 5:
                         # A step that gets into a stamp shows as an age of its own size.
