@@ -1,3 +1,3 @@
-"""The name that `starloop.client` had before it was in a package: `from starloop.client import Starloop` is the new one."""
+"""The earlier name of `starloop.client`, kept for programs that import it: `from starloop.client import Starloop` is the new one."""
 
 from starloop.client import *  # noqa: F403

@@ -1,4 +1,4 @@
-"""What measuring tools share: where things are, the machine, parts of guide pages, charts. Import it before anything of starloop."""
+"""Shared by measuring tools: where things are, the machine, parts of guide pages, charts. Import it before anything of starloop."""
 
 import html
 import math

@@ -1,4 +1,4 @@
-"""What the tests share: paths, the program, benches, waiting. Import it before anything of hil_scripts/starloop and measure.
+"""Shared by the tests: paths, the program, folders, benches. Import it before anything of hil_scripts/starloop and measure.
 
 STARLOOP_BINARY names the program (default target/release/starloop). The small bench that several tests run shows the north of
 Orion with a small tracker at 10 Hz; sinks are added behind it.

@@ -61,7 +61,7 @@ class Program(Running):
 
     @contextlib.contextmanager
     def all_settled(self):
-        """The three buses by name, each of which reaches the others."""
+        """The three buses by name; each reaches the others."""
         with self.slcan_tcp() as tcp, self.slcan_pty() as pty, self.socketcand() as daemon:
             buses = {"slcan_tcp": tcp, "slcan_pty": pty, "socketcand": daemon}
             for sender in buses.values():
@@ -174,7 +174,7 @@ class FramesGoEverywhere(unittest.TestCase):
                 self.assertEqual(line["rejects"], {})
 
     def overtaking(self, waiting, urgent):
-        """What a listener receives when one frame is sent after ten that wait for the wire."""
+        """Returns what a listener receives when one frame is sent after ten that wait for the wire."""
         # 10 kbit/s: a frame takes 10 ms, so that what is queued behind the first is queued in time.
         with Program("--wire", "can_classic", "--bit-rate", "10000") as program:
             with program.socketcand() as low, program.slcan_pty() as high, program.slcan_tcp() as listener:
