@@ -29,9 +29,14 @@ class Running:
         self.said, self.printed = [], []
         # Read on, so that the program never waits for a reader.
         pairs = ((self.process.stdout, self.printed), (self.process.stderr, self.said))
-        self.readers = [threading.Thread(target=kept.extend, args=(stream,), daemon=True) for stream, kept in pairs if stream]
+        self.readers = [threading.Thread(target=self.keep, args=pair, daemon=True) for pair in pairs if pair[0]]
         for reader in self.readers:
             reader.start()
+
+    @staticmethod
+    def keep(stream, lines):
+        for line in stream:
+            lines.append(line)
 
     def __enter__(self):
         return self

@@ -5,12 +5,11 @@ instant, and the attitude of a slew is that of their exposures. Needs genicam (P
 """
 
 import struct
-import subprocess
 import tempfile
 import unittest
 from pathlib import Path
 
-from support import ARCSEC
+from support import ARCSEC, output
 from gvcp_client import ACTION, STREAM_ADDRESS, STREAM_PORT, Client, Messages, Refused, Stream, bits_of, turned_as_stamped
 from test_camera_genicam import Bench
 
@@ -92,8 +91,7 @@ def dissected(messages):
                 capture.write(struct.pack("<IIII", number, 0, len(head + udp), len(head + udp)) + head + udp)
         fields = ["gvcp.cmd.command", "gvcp.cmd.event.id", "gvcp.cmd.event.timestamp", "_ws.malformed"]
         command = ["tshark", "-r", str(path), "-T", "fields", *(word for field in fields for word in ("-e", field))]
-        done = subprocess.run(command, capture_output=True, text=True, check=True)
-    return [line.split("\t") for line in done.stdout.splitlines()]
+        return [line.split("\t") for line in output(*command).splitlines()]
 
 
 class Events(unittest.TestCase):

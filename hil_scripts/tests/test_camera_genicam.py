@@ -6,7 +6,6 @@ by the names of GenICam SFNC. Needs aravis-tools-cli, gir1.2-aravis-0.8, python3
 
 import json
 import re
-import subprocess
 import sys
 import tempfile
 import time
@@ -14,7 +13,7 @@ import unittest
 from pathlib import Path
 
 from gvcp_client import arv_tool, turned_as_stamped
-from support import ADDRESSES, ARCSEC, BINARY, CAMERA, SYSTEM_PYTHON, Running, until
+from support import ADDRESSES, ARCSEC, BINARY, CAMERA, SYSTEM_PYTHON, Running, ran, until
 
 PATIENCE_S = 60.0
 BLACK_DN, FULL_DN, GAIN_E_PER_DN, READ_NOISE_E = 100.0, 4095.0, 25.1, 55.0
@@ -82,7 +81,7 @@ class Bench(Running):
     def client(self, what, **wanted):
         """Runs a function of this file as a client, in the system's Python."""
         request = json.dumps({"address": self.address, "what": what, **wanted})
-        done = subprocess.run([SYSTEM_PYTHON, __file__, "--client", request], capture_output=True, text=True, timeout=4 * PATIENCE_S)
+        done = ran(SYSTEM_PYTHON, __file__, "--client", request, timeout=4 * PATIENCE_S)
         assert done.returncode == 0, done.stderr + "".join(self.said)[-2000:]
         return json.loads(done.stdout.splitlines()[-1])
 

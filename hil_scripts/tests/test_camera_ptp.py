@@ -18,7 +18,7 @@ import time
 import unittest
 from pathlib import Path
 
-from support import InAFolder
+from support import InAFolder, ran
 from gvcp_client import Client
 from test_network_camera import PATIENCE_S, Camera
 
@@ -171,7 +171,7 @@ class Ptp4l:
         """Returns the follower's state as read by pmc, linuxptp's own client."""
         command = ["pmc", "-u", "-b", "0", "-s", str(self.follower()), "-i", str(self.folder / "pmc"),
                    "GET DEFAULT_DATA_SET", "GET PARENT_DATA_SET", "GET PORT_DATA_SET"]
-        return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S).stdout
+        return ran(*command).stdout
 
 
 class Linuxptp(InAFolder):

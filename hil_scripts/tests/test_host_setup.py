@@ -1,10 +1,9 @@
 """Tests of host_setup.sh on a made-up machine: python3 hil_scripts/tests/test_host_setup.py"""
 
 import os
-import subprocess
 import unittest
 
-from support import SCRIPTS, folder_for
+from support import SCRIPTS, folder_for, ran
 
 SCRIPT = SCRIPTS / "packaging/host_setup.sh"
 # Output of iproute2 for an adapter that was never set up; afterwards, the words that a set-up adds.
@@ -55,8 +54,7 @@ class HostSetup(unittest.TestCase):
     def run_script(self, *arguments):
         path = f"{self.root / 'bin'}:{os.environ['PATH']}"
         environment = {**os.environ, "PATH": path, "FAKE": str(self.root), "STARLOOP_HOST_ROOT": str(self.root)}
-        command = [str(SCRIPT), "--user", "ann", *arguments]
-        return subprocess.run(command, env=environment, capture_output=True, text=True)
+        return ran(SCRIPT, "--user", "ann", *arguments, env=environment)
 
     def test_a_look_changes_nothing_and_says_what_would(self):
         before = {file: file.read_bytes() for file in self.root.rglob("*") if file.is_file()}

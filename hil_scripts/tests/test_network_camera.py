@@ -23,7 +23,7 @@ import time
 import unittest
 from pathlib import Path
 
-from support import ADDRESSES, PROGRAM, SYSTEM_PYTHON, InAFolder, output
+from support import ADDRESSES, PROGRAM, SYSTEM_PYTHON, InAFolder, output, ran
 from gvcp_client import STREAM_ADDRESS, STREAM_PORT, Client, Refused, Stream, arv_tool, bits_of
 from page import fits_of
 
@@ -248,7 +248,7 @@ class Aravis(unittest.TestCase):
 
     def test_arv_tool_finds_reads_and_writes(self):
         with Camera(serial="head 7") as camera:
-            listed = subprocess.run(["arv-tool-0.8"], capture_output=True, text=True, timeout=PATIENCE_S).stdout
+            listed = ran("arv-tool-0.8").stdout
             self.assertIn(f"starloop-star_sensor_stimulator-head 7 ({camera.address})", listed)
             features = camera.arv_tool("features")
             for name in ("'PixelFormat'", "'ChunkAttitudeW'", "'TriggerSoftware'", "'GevSCPSPacketSize'"):
@@ -417,7 +417,7 @@ class Aravis(unittest.TestCase):
     def test_three_heads_on_one_machine(self):
         with Camera(serial="a") as first, Camera(serial="b") as second, Camera(serial="c") as third:
             heads = [first, second, third]
-            listed = subprocess.run(["arv-tool-0.8"], capture_output=True, text=True, timeout=PATIENCE_S).stdout
+            listed = ran("arv-tool-0.8").stdout
             for head in heads:
                 self.assertIn(head.address, listed)
             grabs = [head.grab(frames=5, chunks=True) for head in heads]
@@ -623,7 +623,7 @@ class Others(InAFolder):
             client.close()
 
     def test_arv_test_finds_no_fault(self):
-        done = subprocess.run(["apt-get", "download", "aravis-tools"], cwd=self.folder, capture_output=True, text=True)
+        done = ran("apt-get", "download", "aravis-tools", cwd=self.folder)
         packages = list(self.folder.glob("*.deb"))
         if done.returncode != 0 or not packages:
             print(f"SKIPPED: aravis-tools cannot be downloaded: {done.stderr.strip()}")
@@ -635,8 +635,7 @@ class Others(InAFolder):
         # The program takes every XML for one of schema 1.0; the reference GenApi above holds it to its own.
         settings.write_text(f"[starloop:{model}]\nSchema=Ignore\nChunkList=FrameID\n")
         with Camera(rate_hz=30, recorded=False, model=model):
-            done = subprocess.run([program, "-n", f"*{model}*", "-c", settings], capture_output=True, text=True,
-                                  timeout=5 * PATIENCE_S)
+            done = ran(program, "-n", f"*{model}*", "-c", settings)
         results = re.findall(r"^(\S+) +(SUCCESS|FAILURE)", done.stdout, re.MULTILINE)
         failed = {name for name, result in results if result == "FAILURE"}
         self.assertGreater(len(results), 12, done.stdout + done.stderr)

@@ -14,7 +14,6 @@ import json
 import os
 import re
 import shutil
-import subprocess
 import sys
 import tempfile
 import time
@@ -76,7 +75,7 @@ def bare_root():
 
 class Contents(InAFolder):
     def test_the_checksums_are_right_and_a_changed_byte_is_found(self):
-        check = lambda folder: subprocess.run(["sha256sum", "-c", "--quiet", "SHA256SUMS"], cwd=folder, capture_output=True)
+        check = lambda folder: ran("sha256sum", "-c", "--quiet", "SHA256SUMS", cwd=folder)
         self.assertEqual(check(packages()).returncode, 0)
         sums = (packages() / "SHA256SUMS").read_text().splitlines()
         names = {line.split()[1] for line in sums}
@@ -157,8 +156,7 @@ class Contents(InAFolder):
     def test_a_missing_program_is_refused(self):
         environment = {**os.environ, "STARLOOP_BINARY": "/nonexistent/starloop"}
         words = [str(ROOT / "hil_scripts/packaging/package.sh"), "--out", "/nonexistent/out"]
-        done = subprocess.run(words, env=environment, capture_output=True, text=True)
-        self.assertEqual(done.returncode, 1)
+        done = ran(*words, env=environment, status=1)
         self.assertIn("/nonexistent/starloop is missing", done.stderr)
         self.assertIn("package.sh builds it", done.stderr)
 
@@ -175,11 +173,10 @@ class Contents(InAFolder):
         output("dpkg-deb", "-x", str(only("*.deb")), self.folder)
         unpacked = {"STARLOOP_BINARY": f"{self.folder}/usr/bin/starloop", "STARLOOP_SHARE": f"{self.folder}/usr/share/starloop"}
         follow = [sys.executable, str(ROOT / "hil_scripts/tests/test_recipes.py"), "-k", "readme_md"]
-        done = subprocess.run(follow, env={**os.environ, **unpacked}, capture_output=True, text=True)
-        self.assertEqual(done.returncode, 0, done.stderr)
+        done = ran(*follow, env={**os.environ, **unpacked}, status=0)
         self.assertIn("Ran 1 test", done.stderr)
         (self.folder / "usr/share/starloop/python/starloop/client.py").unlink()
-        done = subprocess.run(follow, env={**os.environ, **unpacked}, capture_output=True, text=True)
+        done = ran(*follow, env={**os.environ, **unpacked})
         self.assertNotEqual(done.returncode, 0, "control: a package without the client")
 
     def test_the_container_file_installs_the_package(self):
@@ -194,7 +191,7 @@ class Unit(InAFolder):
         output("dpkg-deb", "-x", str(only("*.deb")), self.folder)
         unit = self.folder / "usr/lib/systemd/system/starloop@.service"
         text = unit.read_text().replace("/usr/bin/starloop", f"{self.folder}/usr/bin/starloop")
-        verify = lambda path: subprocess.run(["systemd-analyze", "verify", "--man=no", str(path)], capture_output=True, text=True)
+        verify = lambda path: ran("systemd-analyze", "verify", "--man=no", path)
         good, bad = self.folder / "starloop@good.service", self.folder / "starloop@bad.service"
         good.write_text(text)
         bad.write_text(text.replace("LimitRTPRIO=50", "LimitRTPRIO=much").replace("[Service]", "[Service]\nNoSuchKey=1"))

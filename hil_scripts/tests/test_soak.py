@@ -13,7 +13,7 @@ import tempfile
 import time
 import unittest
 
-from support import PROGRAM, SCRIPTS, InAFolder, folder_for
+from support import PROGRAM, SCRIPTS, InAFolder, folder_for, ran, starloop
 import scale_report
 import soak
 import soak_account
@@ -162,7 +162,7 @@ class Schedules(InAFolder):
     def test_the_program_takes_every_fault(self):
         events, injected = soak_bench.fault_schedule(1, 40_000.0)
         path = self.written("bench.toml", soak_bench.bench_text(1, 40_000.0, events + injected))
-        done = subprocess.run([str(PROGRAM), "check", str(path)], capture_output=True, text=True, check=False)
+        done = starloop("check", path)
         self.assertEqual(done.returncode, 0, done.stderr)
 
 
@@ -170,7 +170,7 @@ class Scale(InAFolder):
     def test_a_tiny_run_has_tables_and_exponents(self):
         words = [word for part in ("stars", "path", "largest", "windows") for word in ("--part", part)]
         command = [sys.executable, str(SCRIPTS / "measure/scale.py"), "--tiny", "--out", self.folder, *words]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        done = ran(*command)
         self.assertEqual(done.returncode, 0, done.stderr)
         parts = json.loads((self.folder / "scale.json").read_text())
         self.assertEqual([x for x, _ in parts["stars"]["rows"]], [100, 1000, 3000])

@@ -302,8 +302,7 @@ class VirtualClock(InAFolder):
 
     def test_lines_that_have_no_virtual_time_are_refused(self):
         bench = self.written("bench.toml", text([f'protocol = "nos3"\nlink = "pty"\npath = "{self.folder}/st"']))
-        command = [BINARY, "run", str(bench), "--clock", "virtual", "--out", f"{self.folder}/run"]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
+        done = starloop("run", bench, "--clock", "virtual", "--out", self.out)
         self.assertNotEqual(done.returncode, 0)
         self.assertIn("[[tracker_out]]", done.stderr)
         self.assertIn("--clock real", done.stderr)
