@@ -106,7 +106,8 @@ class Bench(Running):
         self.out = folder / "run"
         super().__init__(PROGRAM, "run", folder / "bench.toml", "--clock", "real", "--out", self.out, "--backend", "cpu",
                          "--control", "127.0.0.1:0")
-        self.loop = Starloop.connect(*self.address("control: listening on "))
+        token = self.wait_for("control: token ([0-9a-f]+)")[1]
+        self.loop = Starloop.connect(*self.address("control: listening on "), token=token)
 
     def address(self, words):
         """Host and port that the program prints behind some words."""
