@@ -28,7 +28,7 @@ COLUMNS = ["file", "duration_s", "subset", "frames", "records", "telemetry"]
 #: Length of a bench's run, s; scenarios fly whole.
 DURATION_S = {"benches/telescope.toml": 1, "benches/galactic_slew.toml": 1}
 DEFAULT_DURATION_S = 3
-#: Flown by another program, without which they wait: hil_scripts/test_plain_links.py has their frames.
+#: Flown by another program, without which they wait: hil_scripts/tests/test_plain_links.py has their frames.
 OUTSIDE = {"benches/forty_two.toml"}
 #: Flown by continuous integration: a few seconds each.
 SUBSET = {

@@ -272,7 +272,7 @@ run_python_tests() {
     local folder scripts script name result seconds status=0
     folder=$(mktemp -d)
     mapfile -t scripts < <(listed script)
-    scripts=("${scripts[@]/#/hil_scripts/}")
+    scripts=("${scripts[@]/#/hil_scripts/tests/}")
     : >"$log.scripts"
     # shellcheck disable=SC2064  # expanded now: the variable is gone when the subshell exits
     trap "rm -rf '$folder'" EXIT

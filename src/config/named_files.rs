@@ -2,7 +2,7 @@
 //!
 //! SPICE kernels that a bench names: binary ones (CK, SPK), and the text kernels (SCLK, LSK) that go with them.
 //!
-//! A build without the feature `spice` refuses them. Tests: `hil_scripts/test_spice.py`.
+//! A build without the feature `spice` refuses them. Tests: `hil_scripts/tests/test_spice.py`.
 //!
 //! Images that a configuration names: FITS files, relative to the file that names them.
 

@@ -10,7 +10,7 @@
 //! attitude is the turns 90 deg + alpha about z, 90 deg - delta about x and the spin angle about z (CCSDS 504.0-B-2, annex on
 //! spin; Orekit reads it so). The speeds of spin and nutation are left out: the attitudes have them. Version 1 names its
 //! angles X, Y and Z and lets programs differ on their order, so that only the sequence 123 is certain; its rates
-//! (/RATE) are left out, because it does not fix what they are. Tests: `tests::files`, `hil_scripts/test_histories.py`.
+//! (/RATE) are left out, because it does not fix what they are. Tests: `tests::files`, `hil_scripts/tests/test_histories.py`.
 //! The frames and the direction of the quaternions say how attitudes and rates become this program's.
 
 use crate::attitude_methods::{AttitudeState, MOST_TURN_RAD, rate_of_derivative, s_between};

@@ -2,7 +2,7 @@
 //!
 //! A record is a polynomial in `u`, which goes from -1 to 1 in ephemeris time (TDB). Over a record TDB - TAI changes by
 //! microseconds: `u` is the quadratic in TAI through the record's beginning, middle and end, which leaves 1e-12 of it.
-//! Tests: `spice::tests`, `hil_scripts/test_spice.py`.
+//! Tests: `spice::tests`, `hil_scripts/tests/test_spice.py`.
 
 use crate::attitude_methods::s_between;
 use glam::DVec3;

@@ -4,7 +4,7 @@
 //! Columns are named as in a table of text. Time stamps of milliseconds or microseconds are UTC; a time in nanoseconds
 //! is a whole number in `tai_ns`. The file's own metadata `sense` and `axes` become remarks. Line `n` of an error is
 //! row `n - 1`, less the remarks. Cells that are lists or missing are refused where they are used. Tests: below, and
-//! with `pyarrow` in `hil_scripts/test_histories.py`.
+//! with `pyarrow` in `hil_scripts/tests/test_histories.py`.
 
 use crate::error::HistoryError;
 use base::time::Tai;

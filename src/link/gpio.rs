@@ -13,7 +13,7 @@
 //!
 //! Source: Linux `include/uapi/linux/gpio.h`, `Documentation/userspace-api/gpio/chardev.rst`. Limits: `QUEUE` edges may
 //! wait for all lines of a chip together; waiting reads a file, off the frame path. Tests: `gpio_tests`, on a named
-//! pipe; on a simulated chip of the kernel where there is one, `hil_scripts/test_triggers.py`.
+//! pipe; on a simulated chip of the kernel where there is one, `hil_scripts/tests/test_triggers.py`.
 
 use super::readiness::{Readiness, wait_for};
 use super::{LinkError, kernel_stamp::StampMap};

@@ -2,7 +2,7 @@
 //! (`package/`) gives them their Python form.
 //!
 //! Requests and facts go as JSON text, pixels as numpy arrays. The interpreter lock is released while frames are drawn.
-//! Tests: `hil_scripts/test_python.py`.
+//! Tests: `hil_scripts/tests/test_python.py`.
 
 mod camera;
 mod data_set;

@@ -9,7 +9,7 @@
 //! A target behind the Earth's limb is not drawn; if it sets or rises within the exposure its light ends at that
 //! instant (one edge per exposure: a target that is hidden for less than an exposure in its middle is drawn
 //! throughout). A target in the umbra is not drawn either. A target that SGP4 can no longer follow is lost for the rest
-//! of the run, and counted once. Tests: below; `hil_scripts/test_targets.py` against another program.
+//! of the run, and counted once. Tests: below; `hil_scripts/tests/test_targets.py` against another program.
 
 use crate::camera::{self, CameraParams};
 use base::time::{Span, Tai};

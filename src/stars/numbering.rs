@@ -9,8 +9,8 @@
 //! *Hipparcos.* Gaia numbers -> Hipparcos numbers of the same stars.
 //!
 //! In: a `source_id` of Gaia DR3. Out: the star's number in the Hipparcos catalog, where it has one and is brighter
-//! than G = 8.5, the limit of the built-in catalog. The table is made by `hil_scripts/make_hipparcos_table.py`. Tests:
-//! below, and places in the Hipparcos catalog itself in `hil_scripts/test_data_sets.py`.
+//! than G = 8.5, the limit of the built-in catalog. The table is made by `hil_scripts/generate/make_hipparcos_table.py`. Tests:
+//! below, and places in the Hipparcos catalog itself in `hil_scripts/tests/test_data_sets.py`.
 
 use crate::healpix::chord_squared;
 use base::source_id::{GaiaRelease, SourceId};

@@ -10,7 +10,7 @@
 //!
 //! Quaternions come in as everywhere in starloop (Hamilton, passive, `v_sensor = q v_icrf q*`, scalar first); each
 //! module says what it makes of them. Tests: beside the code, with packets from the protocols' own documents and
-//! programs; `hil_scripts/test_tracker_out.py` with other people's clients; `tracker_commands` and `tracker_telemetry` in
+//! programs; `hil_scripts/tests/test_tracker_out.py` with other people's clients; `tracker_commands` and `tracker_telemetry` in
 //! `tests/fuzz/targets`.
 
 pub mod canopen;

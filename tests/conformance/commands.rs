@@ -5,7 +5,7 @@
 //! fence and applies to the whole block. Marked commands of a page run in order, in one empty folder, with `configs/` taken from
 //! the repository; so a later command may read what an earlier one wrote. Blocks marked
 //! `<!-- test with --features display -->` run in a build with that feature. Blocks marked `<!-- test in a shell -->` need more
-//! than the program: `hil_scripts/test_recipes.py` runs them, and says how files and checks beside them are marked.
+//! than the program: `hil_scripts/tests/test_recipes.py` runs them, and says how files and checks beside them are marked.
 
 use crate::{pages::pages, source::root};
 use std::process::{Command, Output};
@@ -14,7 +14,7 @@ use std::{path::Path, time::Duration};
 const MARK: &str = "<!-- test -->";
 /// Marks a block for a program with displays.
 const MARK_DISPLAY: &str = "<!-- test with --features display -->";
-/// Marks a block that hil_scripts/test_recipes.py runs.
+/// Marks a block that hil_scripts/tests/test_recipes.py runs.
 const MARK_SHELL: &str = "<!-- test in a shell -->";
 const CALLS: &[&str] = &["cargo run --release -- ", "starloop "];
 /// Fewest pages with commands that run.

@@ -36,7 +36,7 @@ fn existing() -> BTreeSet<(String, String)> {
             found.insert((kind.to_owned(), named["name"].as_str().unwrap().to_owned()));
         }
     }
-    for entry in std::fs::read_dir(root().join("hil_scripts")).unwrap() {
+    for entry in std::fs::read_dir(root().join("hil_scripts/tests")).unwrap() {
         let name = entry.unwrap().file_name().into_string().unwrap();
         if name.starts_with("test_") && name.ends_with(".py") {
             found.insert(("script".to_owned(), name));
@@ -98,7 +98,7 @@ fn a_test_that_is_missing_or_listed_wrongly_is_noticed() {
 #[test]
 fn parts_of_scripts_exist() {
     let list = std::fs::read_to_string(root().join(LIST)).unwrap();
-    let scripts = files(&["hil_scripts"], &["py"]);
+    let scripts = files(&["hil_scripts/tests"], &["py"]);
     for ((_, name), form, _) in rows(&list) {
         let Some(parts) = form.strip_prefix("quick:") else { continue };
         let script = scripts.iter().find(|script| script.path.ends_with(&format!("/{name}"))).unwrap();

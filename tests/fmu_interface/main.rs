@@ -1,5 +1,5 @@
 //! The C interface of a co-simulation unit, called as an importer calls it: what is wrong is an error and a message,
-//! never a crash. FMPy flies whole units in `hil_scripts/test_fmu.py`.
+//! never a crash. FMPy flies whole units in `hil_scripts/tests/test_fmu.py`.
 
 #![allow(unsafe_code, reason = "the importer's side of a C interface")]
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]

@@ -2,7 +2,7 @@
 //!
 //! `camera_feed KEY=VALUE ...` starts a camera, prints its address as one line of JSON, and feeds it until its input
 //! ends or its frames are over; then it prints the camera's counts. `record=FOLDER` writes the same frames as FITS.
-//! Used by `hil_scripts/test_network_camera.py`.
+//! Used by `hil_scripts/tests/test_network_camera.py`.
 
 use anyhow::Context;
 use base::bayer::{BayerPattern, Colour};

@@ -2,7 +2,7 @@
 //! an orbit about the Moon and one about the Sun; stars all over the sky, at both poles, fast and near ones, and 2 to
 //! 20 degrees from the Sun.
 //!
-//! `apparent_vectors.csv` is made by `hil_scripts/apparent_vectors.py`: stars by `erfa.pmpx`, `ldsun` and `ab`; Earth,
+//! `apparent_vectors.csv` is made by `hil_scripts/generate/apparent_vectors.py`: stars by `erfa.pmpx`, `ldsun` and `ab`; Earth,
 //! Sun and Moon by JPL's DE421; orbits by formulae written there, and by the Python package `sgp4` with skyfield's
 //! axes. Only the numbers of the cases are shared.
 

@@ -1,6 +1,6 @@
 //! Sun, Moon, Earth and planets: where others see them, how bright, as discs, and what they hide.
 //!
-//! Vectors: `bodies_vectors.csv`, made by `hil_scripts/body_vectors.py` with skyfield and DE421.
+//! Vectors: `bodies_vectors.csv`, made by `hil_scripts/generate/body_vectors.py` with skyfield and DE421.
 
 use crate::scene;
 use ::scene::sky_bodies::{BodyCamera, MOON_NUMBER, SeenBody, SkyBodies, seen_from};

@@ -9,7 +9,7 @@
 //!
 //! Limits: one size of frame; one publisher and at most [`READERS_MAX`] readers of a service; its name is free of the
 //! file system. What a killed run has left is cleaned up by the next program that uses iceoryx2. Signals stay with the
-//! run. Tests: below, and `hil_scripts/test_recorders.py` with iceoryx2's own Python package in another process.
+//! run. Tests: below, and `hil_scripts/tests/test_recorders.py` with iceoryx2's own Python package in another process.
 
 use crate::sink::line::Tally;
 use crate::sink::shared_memory::{SlotHead, slot_head};

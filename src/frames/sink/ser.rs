@@ -14,7 +14,7 @@
 //! frame, and the next frame is tried again.
 //!
 //! Limits: 2^31 - 1 frames and pixels a side; 8 bytes of memory a frame, for the trailer. Tests: below, and
-//! `hil_scripts/test_recorders.py` with a reader of its own and with Siril.
+//! `hil_scripts/tests/test_recorders.py` with a reader of its own and with Siril.
 
 use crate::sink::{SentFrame, SinkError};
 use base::{bayer::BayerPattern, time::Tai};

@@ -16,7 +16,7 @@
 //! *Reading.* `published` says how many frames there have been; frame `n`, from 1, is in slot `(n - 1) % slots`. A slot's
 //! `serial` is 0 while the slot is written, then `n`. Read `serial`, copy the slot, read `serial` again: when both are
 //! `n` the copy is frame `n`. The CRC-32 of the pixels is in the slot as well, for readers that want to be sure.
-//! `hil_scripts/shared_frames.py` is such a reader.
+//! `hil_scripts/starloop/shared_frames.py` is such a reader.
 //!
 //! *The name.* The file gets its name when it is complete. A run holds a lock on its file for as long as it lives. Only
 //! the program that holds the lock of the file with that name may take the name from it: a killed run's file is
@@ -27,7 +27,7 @@
 //! a ring that another program cuts short ([`SinkError::Write`]): what readers find behind the cut is not a frame.
 //!
 //! Limits: one size of frame. Unix. Written by `pwrite`, so that no memory is shared by reference with other programs:
-//! no `unsafe`, at the cost of one copy by the kernel. Tests: below, and `hil_scripts/test_recorders.py` from another
+//! no `unsafe`, at the cost of one copy by the kernel. Tests: below, and `hil_scripts/tests/test_recorders.py` from another
 //! process.
 
 use crate::sink::facts::{FactSource, Place, Scalar, Stored, TABLE};

@@ -1,7 +1,7 @@
 //! Where on the sky the pixels of a frame are: plain numbers, as a FITS header holds them.
 //!
 //! Gnomonic projection (`TAN`) with the SIP polynomials of a distorted lens. Sources: Calabretta and Greisen 2002, A&A
-//! 395, 1077; Shupe et al. 2005, ASP Conf. 347, 491. `scene::wcs` makes it; `fits` writes it; `hil_scripts/test_wcs.py`
+//! 395, 1077; Shupe et al. 2005, ASP Conf. 347, 491. `scene::wcs` makes it; `fits` writes it; `hil_scripts/tests/test_wcs.py`
 //! has astropy read it.
 
 use std::sync::Arc;

@@ -11,7 +11,7 @@
 //! their constants. Where segments overlap, the one that is later in the file counts. Own readers, because `anise` has no CK and its licence is
 //! not one of ours, and the bindings of CSPICE need its C library. Formats: NAIF's required reading "DAF", "CK", "SPK",
 //! "SCLK", "Time", toolkit N0067. Kernels of either byte order; transfer files (`.xc`, `.xsp`) are refused. Tests:
-//! below, and `hil_scripts/test_spice.py` with CSPICE. Fuzzed: `tests/fuzz/targets/spice.rs`.
+//! below, and `hil_scripts/tests/test_spice.py` with CSPICE. Fuzzed: `tests/fuzz/targets/spice.rs`.
 
 mod ck;
 mod clock;

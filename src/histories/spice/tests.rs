@@ -1,4 +1,4 @@
-//! Kernels made byte by byte: what is read, and what is refused. `hil_scripts/test_spice.py` has those of CSPICE.
+//! Kernels made byte by byte: what is read, and what is refused. `hil_scripts/tests/test_spice.py` has those of CSPICE.
 
 use super::*;
 use base::{axes::Rotation, time::Tai};

@@ -3,7 +3,7 @@
 //!
 //! In: a checked bench, the instants between which images are drawn, faults. Out: images with truth and metadata. The
 //! bits of an image depend on its attitude, instant, seeds and number alone, not on the images before it; a camera with
-//! image lag is the exception, because it keeps charge from image to image. Tests: below, `hil_scripts/test_files.py`
+//! image lag is the exception, because it keeps charge from image to image. Tests: below, `hil_scripts/tests/test_files.py`
 //! (the command `render`).
 
 use base::refused::Refused;

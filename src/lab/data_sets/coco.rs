@@ -3,7 +3,7 @@
 //! In: the outlines of the items of a shard; at the end, the entries of all shards. Out: one JSON file that `pycocotools`
 //! reads. Source: the data format page of the COCO project (cocodataset.org): images, annotations, categories; masks as run
 //! lengths. An image's number is its item's; an annotation's follows from item and place, so that shards can be written
-//! apart. Tests: below, and with pycocotools in `hil_scripts/test_data_sets.py`.
+//! apart. Tests: below, and with pycocotools in `hil_scripts/tests/test_data_sets.py`.
 
 use crate::{outline::Outline, studio::Item};
 use serde_json::{Value, json};

@@ -3,7 +3,7 @@
 //! In: frames in the order of their items. Out: files below the folder of the data set, each written whole or not at all,
 //! with length and SHA-256. Sources: FITS standard 4.0; PNG (ISO 15948); POSIX ustar, with the names that WebDataset joins
 //! (`000012.png`, `000012.json`); Zarr core specification version 3, codecs `bytes` and `zstd`. Tests: below, and with
-//! astropy, webdataset and zarr in `hil_scripts/test_data_sets.py`.
+//! astropy, webdataset and zarr in `hil_scripts/tests/test_data_sets.py`.
 
 use crate::spec::ImageForm;
 use anyhow::{Context, Result};

@@ -7,7 +7,7 @@
 //! Columns -> a Parquet file of one row group.
 //!
 //! In: named columns of one length. Out: bytes, the same on every machine: no time, no name of a machine. Numbers that are
-//! not finite are missing cells. Tests: below, and with pyarrow in `hil_scripts/test_data_sets.py`.
+//! not finite are missing cells. Tests: below, and with pyarrow in `hil_scripts/tests/test_data_sets.py`.
 
 use crate::studio::Item;
 use anyhow::{Result, bail};

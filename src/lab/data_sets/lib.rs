@@ -10,7 +10,7 @@
 //! * [`mod@make`]: workers, resumption and progress.
 //!
 //! Item `i` of a data set has the same bits whoever draws it: on one worker or many, alone or after others, in one go or
-//! after a kill. Tests: beside the code, and `hil_scripts/test_data_sets.py` with the readers of other people.
+//! after a kill. Tests: beside the code, and `hil_scripts/tests/test_data_sets.py` with the readers of other people.
 
 pub mod attitudes;
 pub mod coco;

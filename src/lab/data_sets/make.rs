@@ -3,7 +3,7 @@
 //! In: a description, the number of items, a folder, which shards. Out: their files; when all shards of the data set are
 //! there, also what belongs to the whole of it. Each worker is one thread that draws one shard at a time with a camera of
 //! its own; several programs may draw shards of one folder at the same time. Shards that are there are not drawn again.
-//! Tests: below, and `hil_scripts/test_data_sets.py`, which kills it.
+//! Tests: below, and `hil_scripts/tests/test_data_sets.py`, which kills it.
 
 use crate::folder::{About, Times, all_records, begin, finish, read_record, write_shard};
 use crate::spec::Spec;

@@ -11,7 +11,7 @@
 //! * [`slave`] is the life of one instance, and `values` are its variables.
 //!
 //! Standard: FMI 3.0.2, <https://fmi-standard.org/docs/3.0.2/>. Tests: below, and with FMPy in
-//! `hil_scripts/test_fmu.py`.
+//! `hil_scripts/tests/test_fmu.py`.
 
 #![cfg_attr(
     test,

@@ -9,7 +9,7 @@
 //! reach loopback too, so a TCP client that speaks HTTP or TLS is disconnected before any of its lines is obeyed
 //! (`screen`), and a client that does not open the bus loses its place (`OPENING_WITHIN`, `GRACE`). A frame of a client
 //! takes its place in the arbitration like any other; the frames of one client reach the others and not itself. Tests:
-//! `hil_scripts/test_gateways.py` with python-can and with a browser, and those of the parsers beside their code.
+//! `hil_scripts/tests/test_gateways.py` with python-can and with a browser, and those of the parsers beside their code.
 
 mod address;
 mod client;

@@ -1,4 +1,4 @@
-//! Starting, refusing and ending; `hil_scripts/test_gateways.py` tests the frames with python-can.
+//! Starting, refusing and ending; `hil_scripts/tests/test_gateways.py` tests the frames with python-can.
 
 use super::*;
 use crate::simulated::{BusParams, BusTiming};

@@ -7,7 +7,7 @@
 //! `Orb[0]` + `SC[n].PosR`, metres. Times are UTC with 86,400 seconds in each day. Other values are left unread; a line
 //! that is neither a time nor a value nor an end is counted. Source: 42, commit 11e3cc3,
 //! `Source/AutoCode/TxRxIPC.c`, `Kit/Source/mathkit.c`, and `Source/IPC/SimWriteToSocket.c` of the years before. Tests: `tests`,
-//! `hil_scripts/test_plain_links.py`.
+//! `hil_scripts/tests/test_plain_links.py`.
 
 use super::layout::TimeMeaning;
 use super::{PlainAttitude, PlainRecord, PlainReject, PlainState, PlainTime, RefusedMessage};

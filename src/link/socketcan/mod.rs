@@ -13,7 +13,7 @@
 //! * Waiting is done in `poll`; nothing spins, and a frame costs no allocation.
 //!
 //! Sources: Linux `Documentation/networking/can.rst` (sockets, filters, error frames, FD), `timestamping.rst`.
-//! Tests: `tests` here (layout, filters, error frames), `hil_scripts/test_vcan.py` on a kernel with CAN.
+//! Tests: `tests` here (layout, filters, error frames), `hil_scripts/tests/test_vcan.py` on a kernel with CAN.
 
 mod hardware_clock;
 mod link;

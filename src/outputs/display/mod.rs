@@ -9,7 +9,7 @@
 //! Greys are made on the CPU ([`grey`], [`picture`]) and shown from a texture of whole numbers: one form of the
 //! arithmetic, the same with and without a GPU, and the fragment shader has nothing to do but `grey / most`. That is
 //! exact: its error is below 1e-4 of a grey, and a driver rounds to the nearest. Proved for every grey of 8 and of 10
-//! bits by `tests/greys/main.rs`, and through an X server by `hil_scripts/test_display.py`.
+//! bits by `tests/greys/main.rs`, and through an X server by `hil_scripts/tests/test_display.py`.
 //!
 //! Threads: one event loop for the whole program (`window`), and one presenter for each display, which waits for the
 //! monitor's refresh. `send` copies a frame into one of five buffers and returns: it never waits for either.

@@ -1,7 +1,7 @@
 //! The same numbers for Prometheus: text exposition format 0.0.4.
 //!
 //! Names begin with `starloop_` and end in their unit; counters end in `_total`. Each family has its HELP and TYPE
-//! once, before its samples. Histograms are cumulative, with `+Inf`. `hil_scripts/test_live.py` reads it with
+//! once, before its samples. Histograms are cumulative, with `+Inf`. `hil_scripts/tests/test_live.py` reads it with
 //! Prometheus's own parser; the forms of numbers and labels are tested below.
 
 use crate::live::{HeadParams, head::Board, kept::Picture};

@@ -19,7 +19,7 @@
 //! Tour: `kept` and `sink` (frames in), `numbers` (counts in) -> `head` (state of one head and of the run) ->
 //! `picture`, `truth`, `state`, `metrics` (its forms) -> `route` (request to answer) -> `server` (clients) and `page/`.
 //!
-//! Tests: beside the code; `http_tests` with raw requests; `hil_scripts/test_live.py` with a browser and Prometheus's
+//! Tests: beside the code; `http_tests` with raw requests; `hil_scripts/tests/test_live.py` with a browser and Prometheus's
 //! parser.
 
 mod head;

@@ -101,7 +101,7 @@ pub(super) fn png_of(image: &DnImage, scale: Scale) -> io::Result<Vec<u8>> {
 //
 // Directions are catalog places (ICRS at the frame's epoch, without aberration and deflection), as in the header of a
 // FITS file of the frame. Gnomonic projection with polynomials: Calabretta and Greisen 2002, A&A 395, 1077; Shupe et
-// al. 2005, ASP Conf. 347, 491. Tests: below; `hil_scripts/test_live.py` compares values with those of a FITS file.
+// al. 2005, ASP Conf. 347, 491. Tests: below; `hil_scripts/tests/test_live.py` compares values with those of a FITS file.
 
 /// Returns number, place, value and direction of a pixel; `None` outside of the frame.
 pub(super) fn pixel_of(frame: &KeptFrame, [x, y]: [usize; 2]) -> Option<Value> {

@@ -11,7 +11,7 @@
 //! behind it is full, new messages are lost and counted. Time is an argument. Event identifiers up to 0x8FFF are the
 //! standard's.
 //!
-//! Proven by `outputs::network_camera::device_tests` and `hil_scripts/test_camera_events.py` (tshark, the reference
+//! Proven by `outputs::network_camera::device_tests` and `hil_scripts/tests/test_camera_events.py` (tshark, the reference
 //! GenApi).
 
 use crate::network_camera::counters::Tally;

@@ -5,7 +5,7 @@
 //! waiting. A clock that does not answer for [`PATIENCE`] is faulty. Of several ports the one that follows a master
 //! counts.
 //!
-//! Proven by the tests below and `hil_scripts/test_camera_ptp.py` (`ptp4l` of linuxptp, and a simulated clock).
+//! Proven by the tests below and `hil_scripts/tests/test_camera_ptp.py` (`ptp4l` of linuxptp, and a simulated clock).
 
 use base::time::{Span, Tai};
 use std::os::unix::net::UnixDatagram;

@@ -6,7 +6,7 @@
 //! outputs of the run, such as a recorder, do not have the pattern: it is made after the detector, in the camera's
 //! interface.
 //!
-//! Names: GenICam SFNC; the diagonal ramp is our own. Proven by `hil_scripts/test_network_camera.py`.
+//! Names: GenICam SFNC; the diagonal ramp is our own. Proven by `hil_scripts/tests/test_network_camera.py`.
 
 base::words! {
     /// Image that a camera sends in place of its own.

@@ -2,7 +2,7 @@
 //!
 //! It is written from the table of `features` and, for the chunk data, from the table that also writes the bytes. Tests
 //! compare the whole with a frozen one and every address with the device's memory, and
-//! `hil_scripts/test_network_camera.py` loads it with the reference GenApi.
+//! `hil_scripts/tests/test_network_camera.py` loads it with the reference GenApi.
 
 #![allow(clippy::wildcard_enum_match_arm, reason = "a question about one kind of feature concerns no other kind")]
 

@@ -10,7 +10,7 @@
 //!
 //! In: the lines, and the heads that they trigger. Out: edges with their instants in the queue of the receiving
 //! threads, so that an edge wakes the frame thread as a message does. When the queue is full an edge is lost and
-//! counted; so are those that the kernel dropped. Tests: `hil_scripts/test_triggers.py`.
+//! counted; so are those that the kernel dropped. Tests: `hil_scripts/tests/test_triggers.py`.
 
 use crate::runtime::error::{Result, RunError};
 use crate::runtime::hygiene::{Hygiene, Role};

@@ -8,7 +8,7 @@
 //! those of a flight computer on the bus, and its steps and restarts are the same events. Without a time, values are
 //! valid when they arrive. Values that are too old, too new or repeated are refused by the histories: an attitude is
 //! never drawn at another instant than its own. Tests: `receiver_tests`, `plain_intake_tests`,
-//! `hil_scripts/test_plain_links.py`.
+//! `hil_scripts/tests/test_plain_links.py`.
 
 use crate::runtime::attitude_intake::{AttitudeIntake, NORM_TOLERANCE};
 use crate::runtime::clock_intake::{ClockIntake, Mark, PORTS_MAX};

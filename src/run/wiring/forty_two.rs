@@ -3,7 +3,7 @@
 //! 42 writes the lines of one instant over TCP and waits for its answer. In: the bench of a run on the virtual clock
 //! whose link reads 42. Out: a run that takes the attitude of each message at the message's own instant, draws what is
 //! due up to it, and answers only then. The first message is the start of the run's clock. A message that is refused is
-//! counted as `sample_refused` and answered, so that 42 goes on. Tests: `hil_scripts/test_plain_links.py`.
+//! counted as `sample_refused` and answered, so that 42 goes on. Tests: `hil_scripts/tests/test_plain_links.py`.
 
 use crate::runtime::{PlantSample, RunRecord, plain_sample};
 use crate::wiring::{assemble::Run, error::LoopError, run_end::RunEnd, stepped::SteppedRun};

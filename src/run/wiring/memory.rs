@@ -8,7 +8,7 @@
 //! Counted: images and maps of the detector, frames on their way, queues and kept frames of every sink, the ring in
 //! shared memory, pictures of the live view, stars of layers, a fixed share for everything whose size does not depend
 //! on the camera. Estimates err upwards. Limits: memory of a graphics card and its driver is not counted. Tests: below,
-//! `hil_scripts/test_files.py` (limits set from outside).
+//! `hil_scripts/tests/test_files.py` (limits set from outside).
 
 use crate::runtime::{delivery, real_time::STARS_AT_FIRST, tracker_out::FRAMES_WAITING};
 use base::memory::{Available, available, available_in_process};

@@ -2,7 +2,7 @@
 //!
 //! In: the scenario before the run, record and losses after it. Out: every promised frame counted once
 //! ([`FrameAccount`]), and one word with its reasons ([`RunVerdict`]). The same on both clocks and in a run's replay.
-//! Tests: `tests/closed_loop/verdicts.rs`, `hil_scripts/test_broken_benches.py`.
+//! Tests: `tests/closed_loop/verdicts.rs`, `hil_scripts/tests/test_broken_benches.py`.
 
 use crate::runtime::record::{Missing, missing};
 use crate::runtime::{EventKind, Head, PortReading, RunRecord};

@@ -9,7 +9,7 @@
 //!
 //! Time: mid-exposure, without jitter. Limits: motion within the exposure moves a star's mean away from that; within a
 //! degree of the Sun, deflection is not quadratic, and beyond fields of 60 degrees neither is aberration. Allocates
-//! nothing after [`WcsMaker::new`]. Tests: below, and with astropy `hil_scripts/test_wcs.py`.
+//! nothing after [`WcsMaker::new`]. Tests: below, and with astropy `hil_scripts/tests/test_wcs.py`.
 
 mod lens;
 

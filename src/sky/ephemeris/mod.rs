@@ -7,7 +7,7 @@
 //! | [`Method::Table`]: Chebyshev polynomials fitted to JPL's DE421 | [`FIRST_DAY`] to [`LAST_DAY`]: 1989-12-28 to 2052-01-08 | 0.1 arcsec |
 //! | [`Method::Series`]: [`crate::moon`]'s short series, VSOP87E | any time | 0.015 deg for the Moon, 2.5 arcsec for planets |
 //!
-//! The table is part of the program (0.5 MB) and made by `hil_scripts/make_ephemeris_table.py`. A state costs below a
+//! The table is part of the program (0.5 MB) and made by `hil_scripts/generate/make_ephemeris_table.py`. A state costs below a
 //! microsecond by the table and some milliseconds by VSOP87E, which [`crate::almanac`] evaluates; neither allocates.
 //! Tests: below, `sky::moon`, `sky::planets`.
 //!

@@ -15,7 +15,7 @@
 //! distance, the second along the velocity: what is left, tau (v/c)^2, is 1e-8 of the light time. The Earth's own
 //! acceleration within it (1 s to the Moon) is 3 m. Between two low orbits 1000 km apart light time moves a target by 5
 //! arcsec, and V tau, which the aberration by the Earth's motion undoes nearly whole, by 20. Deflection of light by the
-//! Earth: below 1 mas, left out. Tests: below against a fixed point of its own; `hil_scripts/test_targets.py` against
+//! Earth: below 1 mas, left out. Tests: below against a fixed point of its own; `hil_scripts/tests/test_targets.py` against
 //! another program.
 
 mod light;

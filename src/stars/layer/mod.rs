@@ -8,7 +8,7 @@
 //! and half of it with each order more), 0.025 mas/yr (1.25 beyond 1.4 arcsec/yr), 0.01 mas of parallax, 0.5 mmag of
 //! magnitude and colour. Numbers of stars in their source catalogs are kept, unless they were not asked for. Unknown
 //! colours have a code of their own in the file and are read as [`UNKNOWN_BP_RP_MAG`]. Tests: `tests` (round trip,
-//! brute force, resuming, damage), and on real rows `hil_scripts/test_catalog.py`.
+//! brute force, resuming, damage), and on real rows `hil_scripts/tests/test_catalog.py`.
 
 mod build;
 mod error;

@@ -5,7 +5,7 @@
 //! line, are passed over; damaged packets are counted. A reader keeps a bounded number of bytes.
 //!
 //! Quaternions come out as everywhere in starloop, whatever sense the protocol has them in. Tests: beside the code,
-//! round trips through the devices; `tests/fuzz/targets/tracker_telemetry.rs`; `hil_scripts/test_tracker_report.py` with
+//! round trips through the devices; `tests/fuzz/targets/tracker_telemetry.rs`; `hil_scripts/tests/test_tracker_report.py` with
 //! packets that are written there.
 
 use crate::Wire;

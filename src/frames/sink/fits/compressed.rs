@@ -2,7 +2,7 @@
 //!
 //! In: digital numbers with the header of [`super::write_frame`]. Out: a FITS file with an empty primary array and one
 //! table, from which any reader of the tiled image convention (CFITSIO, astropy, DS9) returns the same pixels and the same
-//! header. Source: FITS standard 4.0, section 10. Tests: below, and with astropy in `hil_scripts/test_data_sets.py`.
+//! header. Source: FITS standard 4.0, section 10. Tests: below, and with astropy in `hil_scripts/tests/test_data_sets.py`.
 
 use super::card::{Header, NO_CHECKSUM, Sum32, encoded, end_card, format_card};
 use super::image::{BZERO_U16, FitsImage, OwnedPixels, Scale, axis, bad, checksum_card, ended, fill_bytes};
@@ -127,7 +127,7 @@ fn table_header(shape: &Shape, header: &Header, data_sum: Sum32) -> Vec<u8> {
 //
 // In: the header of the table and its bytes. Out: the image as it was before. Files of this program and of `fpack`, `CFITSIO`,
 // astropy with integers by `RICE_1`, tiles of any shape. Source: FITS standard 4.0, section 10. Tests: below; a file of
-// astropy in `hil_scripts/test_compare.py`.
+// astropy in `hil_scripts/tests/test_compare.py`.
 
 /// Most pixels of an image.
 const MOST_PIXELS: usize = 1 << 27;

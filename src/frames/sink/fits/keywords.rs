@@ -112,7 +112,7 @@ fn push_regions(header: &mut Header, Card(keyword, _, comment): &Card, regions: 
 // The cards of a frame's [`Wcs`].
 //
 // Sources: FITS standard 4.0, section 8; the SIP convention (Shupe et al. 2005): `A_p_q`, `B_p_q` from pixels,
-// `AP_p_q`, `BP_p_q` back. Read by astropy in `hil_scripts/test_wcs.py`.
+// `AP_p_q`, `BP_p_q` back. Read by astropy in `hil_scripts/tests/test_wcs.py`.
 
 /// Adds the map from pixels to catalog places.
 pub(super) fn push_wcs(header: &mut Header, wcs: &Wcs) {

@@ -4,7 +4,7 @@
 //! it is; the differences to the pixel before go in blocks of [`BLOCK_PX`], each with the number of low bits that suits
 //! it. Source: FITS standard 4.0, section 10.4.1; R. White, P. Greenfield, W. Pence and others, "Tiled image convention
 //! for storing compressed images in FITS binary tables", version 2.3. Tests: below, and astropy reads the files in
-//! `hil_scripts/test_data_sets.py`.
+//! `hil_scripts/tests/test_data_sets.py`.
 
 use super::image::BZERO_U16;
 

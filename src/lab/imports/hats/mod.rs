@@ -8,7 +8,7 @@
 //! checksum of a page at most, and most writers leave it out (the one used here has none): what is said of damage is
 //! that a file is refused when its bytes make no sense, or not the rows, places and ranges that they should make.
 //! Layers have checksums of everything. Source: IVOA Note "HATS"; tests: `tests`, and with other people's programs
-//! `hil_scripts/test_hats.py`.
+//! `hil_scripts/tests/test_hats.py`.
 
 mod catalog;
 mod export;

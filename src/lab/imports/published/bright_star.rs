@@ -10,7 +10,7 @@
 //! All but the second were fitted to single stars of both catalogs; that of VT to 290,000 to VT = 10, within 0.01 mag
 //! of their medians up to BT - VT = 1.8 and 0.06 beyond. Beyond its domain a colour is taken as the domain's end:
 //! polynomials run away there. Without a colour a star is taken to have that of a middling one, and its own stays
-//! unknown. Tests: `tests` (ends of the domains, known stars), and on real rows `hil_scripts/test_catalog.py`.
+//! unknown. Tests: `tests` (ends of the domains, known stars), and on real rows `hil_scripts/tests/test_catalog.py`.
 //!
 //! Lines of `hip2.dat`: Hipparcos, the new reduction (van Leeuwen 2007, A&A 474, 653; CDS catalog I/311): fixed columns, right ascension and
 //! declination in radians (ICRS, epoch J1991.25), parallax (mas), proper motion (mas/yr, with cos dec), Hp, its

@@ -17,7 +17,7 @@
 //! **One for one.** A reference star matches one bright star, the one that fits best: where Tycho-2 sees two stars and
 //! Gaia one, the second is added.
 //!
-//! What it gets wrong, and how often, is in `bright_tests` (a made sky) and `hil_scripts/test_catalog.py` (the real
+//! What it gets wrong, and how often, is in `bright_tests` (a made sky) and `hil_scripts/tests/test_catalog.py` (the real
 //! one).
 
 use super::bright_star::{BrightStar, moved};

@@ -14,7 +14,7 @@
 //!   waits, is missed: it is counted and reported, with no other effect. The first one after a free run is taken while
 //!   the last exposure of that run is under way, and waits until it is over.
 //!
-//! Allocates nothing after construction. Tests: `tests`, and `hil_scripts/test_camera.py`.
+//! Allocates nothing after construction. Tests: `tests`, and `hil_scripts/tests/test_camera.py`.
 
 mod state;
 #[cfg(test)]

@@ -8,7 +8,7 @@
 //! On the real clock each has a thread of its own; on the virtual clock the run's loop steps it to every instant at
 //! which it has something to do, so that a run repeats. Never on the frame thread: a tap only copies into buffers of
 //! fixed number, and what does not fit is lost and counted, as is every packet that a line does not take. Tests:
-//! `hil_scripts/test_tracker_out.py`; beside the code.
+//! `hil_scripts/tests/test_tracker_out.py`; beside the code.
 
 mod damage;
 mod outlet;

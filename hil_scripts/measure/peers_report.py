@@ -1,0 +1,99 @@
+"""Tables and chart of bench_peers.py: from peers_report import markdown, svg."""
+
+import math
+
+from page import Axis, Chart, table
+from peers_loop import CLoop
+
+COLOURS = ["#d62728", "#7f7f7f", "#1f77b4", "#2ca02c", "#9467bd", "#ff7f0e", "#8c564b", "#17becf"]
+
+
+def programs(rows):
+    return list(dict.fromkeys(row.program for row in rows))
+
+
+def peer_times(rows, scene):
+    """Returns the rows of a scene by program, without the bound."""
+    return {row.program: row for row in rows if row.scene == scene and row.ms is not None and row.program != CLoop.name}
+
+
+def scenes(rows):
+    return list(dict.fromkeys(row.scene for row in rows))
+
+
+def cell(row, notes):
+    """Time and error, or a number of a note with the reason."""
+    if row.ms is None:
+        if row.reason not in notes:
+            notes.append(row.reason)
+        return f"({notes.index(row.reason) + 1})"
+    return f"{row.ms:.3g} ms, {row.l1:.0e}"
+
+
+def behind(rows):
+    """Scenes in which a peer is faster than starloop at an error that is equal or smaller."""
+    found = []
+    for name in scenes(rows):
+        of_scene = peer_times(rows, name)
+        ours = of_scene.get("starloop")
+        better = [row.program for row in of_scene.values() if ours and row.ms < ours.ms and row.l1 <= ours.l1]
+        if not ours or better:
+            found.append(f"{name} ({', '.join(better) or 'starloop did not draw it'})")
+    return found
+
+
+def faster(rows):
+    """Scenes in which a peer is faster than starloop, at any error."""
+    found = []
+    for name in scenes(rows):
+        of_scene = peer_times(rows, name)
+        ours = of_scene.get("starloop")
+        found += [f"{name}: {row.program}, {ours.ms / row.ms:.2g} times as fast at L1 {row.l1:.0e}, starloop at {ours.l1:.0e}"
+                  for row in of_scene.values() if ours and row.ms < ours.ms]  # fmt: skip
+    return found
+
+
+def ratios(rows):
+    """A table of how many times as long the compiled loops take."""
+    loops = ("numba", CLoop.name)
+    lines = []
+    by = {(row.scene, row.program): row.ms for row in rows if row.ms is not None}
+    for scene in scenes(rows):
+        ours = by.get((scene, "starloop"))
+        others = [by.get((scene, name)) for name in loops]
+        cells = [f"{other / ours:.2g}" if ours and other else "-" for other in others]
+        lines.append([scene, f"{ours:.3g}" if ours else "-", *cells])
+    return table(["scene", "starloop, ms", *(f"{name} / starloop" for name in loops)], lines)
+
+
+def markdown(rows, facts):
+    """The tables, with notes on blank cells, and what they were measured with."""
+    notes, names = [], programs(rows)
+    by = {(row.scene, row.program): row for row in rows}
+    lines = [f"Machine: {facts['machine']}. Peers: {facts['peers']}.", f"Threads: {facts['threads']}.", ""]
+    lines += table(["scene", *names], [[scene, *(cell(by[scene, name], notes) for name in names)] for scene in scenes(rows)])
+    lines += [""] + [f"({number}) {note}." for number, note in enumerate(notes, 1)]
+    lines += ["", f"Motion: {facts['motion']}."]
+    at_equal = behind(rows)
+    lines += ["", "A peer is faster at an equal or smaller error in: " + ("; ".join(at_equal) if at_equal else "none") + "."]
+    lines += ["A peer is faster at any error in: " + ("; ".join(faster(rows)) or "none") + "."]
+    lines += ["", "The compiled loops, as ratios of times (above 1: starloop is faster):", "", *ratios(rows)]
+    return "\n".join(lines) + "\n"
+
+
+def svg(rows):
+    """Error against time of all programs and scenes, both on logarithmic axes."""
+    drawn = [row for row in rows if row.ms is not None]
+    times = Axis("milliseconds per image", *decades([row.ms for row in drawn]), is_log=True)
+    errors = Axis("error: L1 against f64", *decades([max(row.l1, 1e-9) for row in drawn]), is_log=True)
+    chart = Chart("", times, errors, height=520, right=150)
+    for number, name in enumerate(programs(rows)):
+        points = [(row.ms, max(row.l1, 1e-9), f"{name}, {row.scene}: {row.ms:.3g} ms, L1 {row.l1:.1e}") for row in drawn if row.program == name]
+        chart.points(points, COLOURS[number % len(COLOURS)], name, number)
+    return chart.text()
+
+
+def decades(values):
+    """Returns the powers of ten around values."""
+    low, high = math.floor(math.log10(min(values))), math.ceil(math.log10(max(values)))
+    return 10.0**low, 10.0 ** max(high, low + 1)
