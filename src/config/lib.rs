@@ -93,7 +93,7 @@ pub use radiometry::{Exposure, Radiometry, RadiometryModel};
 pub use reference::{key_reference, key_schema, key_template};
 pub use scenario::{OutsideTrackers, Scenario, is_scenario};
 pub use setting::Setting;
-pub use sink::{Sink, SinkSettings};
+pub use sink::{Sink, SinkMemory, SinkSettings};
 pub use spacecraft::{Control, Spacecraft};
 pub use stages::{AttitudeSettings, Backend, Render};
 pub use target::{Overlap, TargetCourse, TargetLight, TargetSettings};

@@ -8,7 +8,7 @@ use crate::error::{ConfigError, Result};
 use crate::key::{Inner, Section, section, taken};
 use crate::key_type::{Any, Shape, Whole, Word};
 use crate::{check::Checker, network_camera as network_camera_keys};
-use frames::sink::RecorderOptions;
+use frames::sink::{RecorderOptions, shared_memory::ring_bytes};
 use outputs::network_camera::Params as NetworkCameraParams;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
@@ -23,6 +23,32 @@ pub struct SinkSettings {
     pub sink: Sink,
     /// Frames it may be behind on the real clock before it loses some.
     pub queue_frames: u32,
+}
+
+/// Images of a display: luminances and greys that are exchanged.
+const DISPLAY_PICTURES: u64 = 8;
+
+/// Memory that a sink of one head takes beside its thread and its queue.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SinkMemory {
+    /// What it is for.
+    pub what: &'static str,
+    /// The key that determines it, and its value.
+    pub by: Option<(&'static str, u32)>,
+    /// Bytes.
+    pub bytes: u64,
+    /// False for a file in memory, which is outside the process's address space.
+    pub is_in_process: bool,
+}
+
+impl SinkMemory {
+    fn frames(what: &'static str, by: (&'static str, u32), frame_bytes: u64) -> Self {
+        Self { what, by: Some(by), bytes: u64::from(by.1) * frame_bytes, is_in_process: true }
+    }
+
+    fn fixed(what: &'static str, bytes: u64) -> Self {
+        Self { what, by: None, bytes, is_in_process: true }
+    }
 }
 
 /// Where frames go, checked.
@@ -68,6 +94,34 @@ impl Sink {
             Self::NetworkCamera(_) => "network_camera",
             Self::Display(_) => "display",
             Self::Null => "null",
+        }
+    }
+
+    /// Returns the memory it takes for images of `image_px`, whose frames have `frame_bytes`.
+    pub fn memory(&self, image_px: [u32; 2], frame_bytes: u64) -> Vec<SinkMemory> {
+        match self {
+            // One frame as bytes (SER), or as a picture (PNG).
+            Self::Recorder { .. } => vec![SinkMemory::fixed("a frame on its way to files", frame_bytes)],
+            // A ring on a disk takes no memory.
+            Self::SharedMemory { path, .. } if !path.starts_with("/dev/shm") => Vec::new(),
+            Self::SharedMemory { slots, .. } => {
+                let bytes = ring_bytes(image_px.map(|side| side as usize), *slots);
+                let by = Some(("slots", *slots));
+                vec![SinkMemory { what: "ring in shared memory", by, bytes, is_in_process: false }]
+            }
+            Self::Iceoryx { slots, .. } => {
+                vec![SinkMemory::frames("frames for readers", ("slots", *slots), frame_bytes)]
+            }
+            Self::NetworkCamera(params) => vec![
+                SinkMemory::frames("frames kept for clients", ("frames_kept", params.frames_kept), frame_bytes),
+                SinkMemory::frames(
+                    "frames that wait for the network",
+                    ("frames_queued", params.frames_queued),
+                    frame_bytes,
+                ),
+            ],
+            Self::Display(_) => vec![SinkMemory::fixed("pictures of the display", DISPLAY_PICTURES * frame_bytes)],
+            Self::Null => Vec::new(),
         }
     }
 

@@ -6,7 +6,7 @@
 use crate::detector::protons::{ProtonFlux, SensitiveLayer};
 use crate::detector::window::{OutputGeometry, Window};
 use crate::detector::{
-    binning::Binning, blooming::Blooming, charge_transfer::ChargeTransfer, dark_current::DarkLaw,
+    binning::Binning, binning::BinningKind, blooming::Blooming, charge_transfer::ChargeTransfer, dark_current::DarkLaw,
     defects::DefectPopulation, image_lag::ImageLag, line_pattern::LinePattern, nonlinearity::Nonlinearity,
     pattern::ColourFilter, poisson::PoissonMethod, read_noise::RowNoise, tdi::Tdi,
 };
@@ -172,6 +172,17 @@ impl SpatialParams {
         window: None,
         tdi: None,
     };
+
+    /// Returns the number of images of the whole sensor that its stages keep beside the drawn one.
+    pub fn images_kept(&self) -> usize {
+        let charge_binning = matches!(self.binning, Some(Binning { kind: BinningKind::Charge { .. }, .. }));
+        let stages = [self.image_lag.is_some(), self.charge_transfer.is_some(), charge_binning];
+        let stages = stages.into_iter().filter(|is_on| *is_on).count();
+        let charge = usize::from(stages > 0 || self.blooming.is_some());
+        // The converter's image, if it is not the output itself.
+        let converter = usize::from(self.binning.is_some() || self.window.is_some());
+        stages + charge + converter
+    }
 
     /// Returns the colours of the output image, from its first pixel; `None` where its pixels have none: without
     /// filters, and where binning adds colours up.

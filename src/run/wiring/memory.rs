@@ -12,12 +12,9 @@
 
 use crate::runtime::{delivery, real_time::STARS_AT_FIRST, tracker_out::FRAMES_WAITING};
 use base::memory::{Available, available, available_in_process};
-use config::{Backend, Bench, Camera, Sink, SinkSettings, TrackerSource};
+use config::{Backend, Bench, Camera, Sink, SinkMemory, SinkSettings, TrackerSource};
 use core::fmt;
-use frames::sink::shared_memory::ring_bytes;
 use frames::sink::{TargetRow, TruthStar};
-use image::detector::binning::BinningKind;
-use std::path::Path;
 
 /// Memory that does not depend on the camera: the program, catalog, tables, threads and their stacks.
 const FIXED_BYTES: u64 = 128 << 20;
@@ -33,8 +30,6 @@ const FRAMES_AT_HAND: u64 = 4;
 const FRAMES_UNDER_WAY: u64 = 4;
 /// Pictures of the live view that are exchanged, and one that becomes a PNG.
 const LIVE_PICTURES: u64 = 4;
-/// Images of a display: luminances and greys that are exchanged.
-const DISPLAY_PICTURES: u64 = 8;
 /// Closed loops that one thread may have in progress: while it waits for a part of one it may start another.
 const LOOPS_PER_THREAD: usize = 2;
 /// Number of parts that a refusal names.
@@ -190,29 +185,10 @@ impl RunMemory {
             &format!("frames that wait for {place} ({place}.queue = {})", settings.queue_frames),
             heads * queue * frame,
         );
-        match &settings.sink {
-            // One frame as bytes (SER), or as a picture (PNG).
-            Sink::Recorder { .. } => self.add(&format!("a frame on its way to files ({place})"), heads * frame),
-            Sink::SharedMemory { path, slots } => {
-                let bytes = heads * ring_bytes(bench.camera.image_px().map(|side| side as usize), *slots);
-                let name = format!("ring in shared memory ({place}.slots = {slots})");
-                // A ring on a disk takes no memory.
-                if path.starts_with(Path::new("/dev/shm")) {
-                    self.parts.push(MemoryPart { name, bytes, is_in_process: false });
-                }
-            }
-            Sink::Iceoryx { slots, .. } => {
-                self.add(&format!("frames for readers ({place}.slots = {slots})"), heads * u64::from(*slots) * frame);
-            }
-            Sink::NetworkCamera(params) => {
-                let (kept, queued) = (params.frames_kept, params.frames_queued);
-                let name = format!("frames kept for clients ({place}.frames_kept = {kept})");
-                self.add(&name, heads * u64::from(kept) * frame);
-                let name = format!("frames that wait for the network ({place}.frames_queued = {queued})");
-                self.add(&name, heads * u64::from(queued) * frame);
-            }
-            Sink::Display(_) => self.add(&format!("pictures of the display ({place})"), DISPLAY_PICTURES * frame),
-            Sink::Null => {}
+        for SinkMemory { what, by, bytes, is_in_process } in settings.sink.memory(bench.camera.image_px(), frame) {
+            let key = by.map_or_else(|| place.into(), |(key, value)| format!("{place}.{key} = {value}"));
+            let part = MemoryPart { name: format!("{what} ({key})"), bytes: heads * bytes, is_in_process };
+            self.parts.push(part);
         }
     }
 
@@ -270,18 +246,11 @@ fn detector_bytes(camera: &Camera, is_reference: bool) -> u64 {
 /// Returns the values per sensor pixel and head: the drawn image, maps, and the images of stages with neighbours.
 fn detector_numbers(camera: &Camera, is_reference: bool) -> u64 {
     let detector = &camera.detector;
-    let spatial = &detector.params.spatial;
     let drawn = if is_reference { 2 } else { 1 };
-    let maps = (detector.maps.kept(&detector.params) + usize::from(!camera.illumination.is_even())) as u64;
+    let maps = detector.maps.kept(&detector.params) + usize::from(!camera.illumination.is_even());
     // A map is drawn in one buffer and kept in another.
-    let drawing = u64::from(maps > 0);
-    let charge_binning = matches!(spatial.binning, Some(binning) if matches!(binning.kind, BinningKind::Charge { .. }));
-    let neighbours = [spatial.image_lag.is_some(), spatial.charge_transfer.is_some(), charge_binning];
-    let stages = neighbours.into_iter().filter(|is_on| *is_on).count() as u64;
-    let charge = u64::from(stages > 0 || spatial.blooming.is_some());
-    // The converter's image, if it is not the output itself.
-    let converter = u64::from(spatial.binning.is_some() || spatial.window.is_some());
-    drawn + maps + drawing + stages + charge + converter
+    let drawing = usize::from(maps > 0);
+    (drawn + maps + drawing + detector.params.spatial.images_kept()) as u64
 }
 
 /// Returns the bytes of a frame with its truth table.
@@ -301,6 +270,7 @@ mod tests {
     use super::*;
     use base::memory::MemoryLimit;
     use config::Document;
+    use std::path::Path;
 
     const GIB: u64 = 1 << 30;
     const REAL: RunForm = RunForm { is_real: true, has_view: false };
