@@ -15,7 +15,20 @@ use base::bayer::BayerPattern;
 use core::fmt::{Result, Write};
 use frames::sink::facts::FeatureKind;
 
-const FIRST_LINES: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<RegisterDescription ModelName=\"{MODEL}\" VendorName=\"{VENDOR}\" ToolTip=\"Star-sensor frames of a bench\" StandardNameSpace=\"None\" SchemaMajorVersion=\"1\" SchemaMinorVersion=\"1\" SchemaSubMinorVersion=\"0\" MajorVersion=\"1\" MinorVersion=\"0\" SubMinorVersion=\"0\" ProductGuid=\"9c1f3a52-6d0e-4b7a-8f21-5b6a1c0d7e34\" VersionGuid=\"9c1f3a52-6d0e-4b7a-8f21-5b6a1c0d7e35\" xmlns=\"http://www.genicam.org/GenApi/Version_1_1\" xmlns:xsi=\"http://www.w3.org/2001/XMLSchema-instance\" xsi:schemaLocation=\"http://www.genicam.org/GenApi/Version_1_1 http://www.genicam.org/GenApi/GenApiSchema_Version_1_1.xsd\">\n";
+const FIRST_LINES: &str = "\
+    <?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
+    <RegisterDescription ModelName=\"{MODEL}\" \
+    VendorName=\"{VENDOR}\" \
+    ToolTip=\"Star-sensor frames of a bench\" \
+    StandardNameSpace=\"None\" \
+    SchemaMajorVersion=\"1\" SchemaMinorVersion=\"1\" SchemaSubMinorVersion=\"0\" \
+    MajorVersion=\"1\" MinorVersion=\"0\" SubMinorVersion=\"0\" \
+    ProductGuid=\"9c1f3a52-6d0e-4b7a-8f21-5b6a1c0d7e34\" \
+    VersionGuid=\"9c1f3a52-6d0e-4b7a-8f21-5b6a1c0d7e35\" \
+    xmlns=\"http://www.genicam.org/GenApi/Version_1_1\" \
+    xmlns:xsi=\"http://www.w3.org/2001/XMLSchema-instance\" \
+    xsi:schemaLocation=\"http://www.genicam.org/GenApi/Version_1_1 \
+    http://www.genicam.org/GenApi/GenApiSchema_Version_1_1.xsd\">\n";
 const LAST_LINES: &str = "<Port Name=\"Device\" NameSpace=\"Standard\">\n</Port>\n</RegisterDescription>\n";
 
 /// Returns the XML.

@@ -16,7 +16,7 @@ mod pack;
 
 pub use layout::BANDS;
 pub use open::Catalog;
-pub use pack::{PackReport, pack};
+pub use pack::{NAMES as PACKED_NAMES, PackReport, pack};
 
 #[cfg(test)]
 mod tests;

@@ -171,7 +171,8 @@ const PARALLAX: usize = 4;
 const G: usize = 5;
 const BP_RP: usize = 6;
 const SOURCE_ID: usize = 7;
-const NAMES: [&str; 8] =
+/// Names of the columns.
+pub const NAMES: [&str; 8] =
     ["ra_deg", "dec_deg", "pmra_masyr", "pmdec_masyr", "parallax_mas", "g_mag", "bp_rp", "source_id"];
 
 struct Columns {

@@ -16,7 +16,7 @@ use base::units::{DEG, MAS};
 use base::{input_file::InputFile, refused::Refused};
 use flate2::read::MultiGzDecoder;
 use glam::DVec3;
-use stars::layer::{NewStar, Sorting};
+use stars::{catalog::PACKED_NAMES, layer::NewStar, layer::Sorting};
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 
@@ -77,19 +77,10 @@ const ARCHIVE: [&str; COLUMNS] = [
 ];
 
 /// Names in a CSV for `starloop catalog pack`; a file may have either.
-const PACKED: [&str; COLUMNS] = [
-    "source_id",
-    "ra_deg",
-    "dec_deg",
-    "pmra_masyr",
-    "pmdec_masyr",
-    "parallax_mas",
-    "g_mag",
-    "bp_rp",
-    "phot_bp_mean_mag",
-    "phot_rp_mean_mag",
-    "ref_epoch",
-];
+const PACKED: [&str; COLUMNS] = {
+    let [ra, dec, pm_ra, pm_dec, parallax, g, bp_rp, id] = PACKED_NAMES;
+    [id, ra, dec, pm_ra, pm_dec, parallax, g, bp_rp, ARCHIVE[BP], ARCHIVE[RP], ARCHIVE[REF_EPOCH]]
+};
 
 impl Default for Names {
     /// Returns the names of Gaia's archive, and the epoch of DR3.
