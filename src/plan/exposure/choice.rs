@@ -536,7 +536,8 @@ impl TriedError {
 fn split_whole(plan: &mut ExposurePlan, bands: usize) {
     let (from_e, half_px) = (plan.whole.from_e, plan.whole.half_px);
     let Some(first) = plan.classes.first().copied().filter(|class| class.brightest_e >= from_e) else { return };
-    let stars = whole::count(&plan.stars, from_e);
+    // Those that are left out for want of time are the faintest.
+    let stars = plan.whole.stars.min(plan.stars.len());
     let mut left = stars;
     for class in &mut plan.classes {
         let taken = left.min(class.stars);

@@ -23,20 +23,26 @@ const CHUNK: usize = 1024;
 /// Place of a star that leaves no light on the detector.
 const NOWHERE: [f64; 2] = [f64::NAN; 2];
 
-/// The brightest and the faintest of the stars.
+/// The brightest and the faintest of the stars, and how many may be drawn whole.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Brightness {
     /// Electrons of the brightest (0 without stars).
     pub(super) most_e: f64,
     /// Electrons of the faintest (infinite without stars).
     pub(super) least_e: f64,
+    /// Stars of [`Margins::from_e`] electrons and more.
+    pub(super) whole: usize,
 }
 
 impl Brightness {
-    const NONE: Self = Self { most_e: 0.0, least_e: f64::INFINITY };
+    const NONE: Self = Self { most_e: 0.0, least_e: f64::INFINITY, whole: 0 };
 
     fn and(self, other: Self) -> Self {
-        Self { most_e: self.most_e.max(other.most_e), least_e: self.least_e.min(other.least_e) }
+        Self {
+            most_e: self.most_e.max(other.most_e),
+            least_e: self.least_e.min(other.least_e),
+            whole: self.whole + other.whole,
+        }
     }
 }
 
@@ -65,13 +71,13 @@ pub(super) fn place_stars(
     seen.resize(sources.len().div_ceil(CHUNK), 0);
     let (blocks, arch) = (BlockPlacer::new(lit.camera, los, means, margins), Arch::new());
     let chunk = |((stars, seen), sources): ((&mut [PlannedStar], &mut usize), &[Source])| {
-        let mut placed = Placed { stars, seen: 0, brightness: Brightness::NONE };
+        let mut placed = Placed { stars, seen: 0, brightness: Brightness::NONE, from_e: margins.from_e };
         // Sources with pixel places are few, and are not mixed with others.
         let is_icrf = |source: &Source| matches!(source.place, SourcePlace::Icrf(_));
         let in_blocks = blocks.filter(|_| sources.iter().all(is_icrf));
         let (eights, rest) = sources.as_chunks::<STARS>();
         if let Some(placer) = in_blocks {
-            arch.dispatch(PlaceBlocks { placer, sources: eights, lit, from_e: margins.from_e, placed: &mut placed });
+            arch.dispatch(PlaceBlocks { placer, sources: eights, lit, placed: &mut placed });
         }
         let single = if in_blocks.is_some() { rest } else { sources };
         single.iter().for_each(|source| placed.push(place(source, lit, los, means, margins)));
@@ -109,6 +115,7 @@ struct Placed<'a> {
     stars: &'a mut [PlannedStar],
     seen: usize,
     brightness: Brightness,
+    from_e: f64,
 }
 
 impl Placed<'_> {
@@ -117,7 +124,8 @@ impl Placed<'_> {
         if !star.mean_px[0].is_nan() {
             self.stars[self.seen] = star;
             self.seen += 1;
-            self.brightness = self.brightness.and(Brightness { most_e: star.electrons, least_e: star.electrons });
+            let (electrons, whole) = (star.electrons, usize::from(star.electrons >= self.from_e));
+            self.brightness = self.brightness.and(Brightness { most_e: electrons, least_e: electrons, whole });
         }
     }
 }
@@ -127,7 +135,6 @@ struct PlaceBlocks<'a, 'b> {
     placer: BlockPlacer,
     sources: &'a [[Source; STARS]],
     lit: Lit<'a>,
-    from_e: f64,
     placed: &'a mut Placed<'b>,
 }
 
@@ -151,7 +158,7 @@ impl NullaryFnOnce for PlaceBlocks<'_, '_> {
                     let place = StarPlace { mid_px: [places.mid_px[0][k], places.mid_px[1][k]], tangent };
                     let mean_px = [places.mean_px[0][k], places.mean_px[1][k]];
                     let star = star_at(source, place, mean_px, self.lit);
-                    if places.in_sight[k] || star.electrons >= self.from_e {
+                    if places.in_sight[k] || star.electrons >= self.placed.from_e {
                         self.placed.push(star);
                     }
                 }
@@ -420,6 +427,9 @@ mod tests {
             assert_eq!(furthest > 1e-3, moves, "control: motion has moved the means by {furthest} px");
             let most_e = stars.iter().map(|star| star.electrons).fold(0.0, f64::max);
             assert_eq!(found.most_e, most_e);
+            let whole = stars.iter().filter(|star| star.electrons >= MARGINS.from_e).count();
+            assert!(whole > 0 && whole < stars.len(), "control: {whole} of {}", stars.len());
+            assert_eq!(found.whole, whole);
         }
     }
 }

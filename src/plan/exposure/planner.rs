@@ -69,7 +69,7 @@ impl Planner {
             psf: instrument.psf.clone(),
             sampling: instrument.sampling,
             half_px,
-            whole: WholeStars { half_px: whole_px, from_e: f64::INFINITY },
+            whole: WholeStars { half_px: whole_px, from_e: f64::INFINITY, stars: 0 },
             chosen: NOTHING_CHOSEN,
             assessed: Vec::with_capacity(16),
             classes: Vec::with_capacity(4),
@@ -188,7 +188,7 @@ impl Planner {
         self.measure_path();
         let brightness = self.place(sources);
         self.targets.place(&self.plan, &self.instrument.illumination, self.chooser.wings.limit_e);
-        self.choose_whole(brightness.most_e);
+        self.choose_whole(brightness.whole);
         self.take_degradations(brightness);
         let domain = self.whole_domain();
         let Self { plan, probes, lists, instrument, share, targets, .. } = self;
@@ -220,25 +220,26 @@ impl Planner {
 
     /// Chooses the stars of this exposure that are drawn whole: all whose wings would be over the budget, or the brightest
     /// of them that the domain allows.
-    fn choose_whole(&mut self, most_e: f64) {
+    fn choose_whole(&mut self, over_limit: usize) {
         let domain = self.whole_domain();
         let Self { plan, probes, brightness_e, .. } = self;
         let limit_e = domain.limit_e;
-        plan.whole.from_e = f64::INFINITY;
-        if most_e < limit_e {
+        (plan.whole.from_e, plan.whole.stars) = (f64::INFINITY, 0);
+        if over_limit == 0 {
             return;
         }
         let nodes = if plan.motion.is_still() { 1 } else { probes.dense().len().min(MOST_WHOLE_NODES) };
         let most = domain.most_stars(plan.reach_px, nodes);
-        if whole::count(&plan.stars, limit_e) <= most {
-            plan.whole.from_e = limit_e;
+        if over_limit <= most {
+            (plan.whole.from_e, plan.whole.stars) = (limit_e, over_limit);
             return;
         }
         brightness_e.clear();
         brightness_e.extend(plan.stars.iter().map(|star| star.electrons).filter(|electrons| *electrons >= limit_e));
         // A disc has many cells of similar light: none of them is drawn whole, only stars that are far brighter.
-        let first_left_e = *brightness_e.select_nth_unstable_by(most, |a, b| b.total_cmp(a)).1;
-        plan.whole.from_e = whole::BEYOND_A_DISC * first_left_e;
+        let (brighter, first_left_e, _) = brightness_e.select_nth_unstable_by(most, |a, b| b.total_cmp(a));
+        let from_e = whole::BEYOND_A_DISC * *first_left_e;
+        (plan.whole.from_e, plan.whole.stars) = (from_e, brighter.iter().filter(|e| **e >= from_e).count());
     }
 
     fn whole_domain(&self) -> WholeDomain {

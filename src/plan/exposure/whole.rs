@@ -12,9 +12,8 @@
 //! PSF's own grid; 1e-13 of a Gaussian. Stars outside the domain are drawn as ordinary ones, and their error is named.
 //! Tests below; `tests/physics/whole.rs`, `tests/gpu/whole.rs`.
 
-use crate::exposure::{motion::Instrument, sampling::PRODUCTS_ERROR, source::PlannedStar};
+use crate::exposure::{motion::Instrument, sampling::PRODUCTS_ERROR};
 use crate::{optics::PsfModel, optics::psf::LARGEST_HALF_PX};
-use rayon::prelude::*;
 
 /// Error of a pixel in the wings of a star, relative to the star's peak: single-precision error functions near 1
 /// (measured 1e-7 to 3e-7 on the CPU, up to 7e-7 on a GPU).
@@ -27,8 +26,6 @@ pub const MOST_STARS: usize = 256;
 pub(super) const BEYOND_A_DISC: f64 = 8.0;
 /// Largest number of pixels that they cover together.
 pub const MOST_PX: usize = 1 << 20;
-/// Number of stars one thread counts at a time.
-const COUNTED_TOGETHER: usize = 16_384;
 /// Largest share of a frame's drawing time that they may take.
 const TIME_SHARE: f64 = 0.25;
 /// Time for one node of a whole star: for every row and column, and for every pixel, ns.
@@ -44,6 +41,8 @@ pub struct WholeStars {
     pub half_px: usize,
     /// Electrons from which on a star is drawn whole (infinite: none is).
     pub from_e: f64,
+    /// Number of such stars in sight, before any is left out for want of time.
+    pub(super) stars: usize,
 }
 
 /// Errors in the wings of a star, by its electrons.
@@ -121,12 +120,6 @@ impl Wings {
 /// of the star in its pixel.
 fn rim_share(psf: &PsfModel, half_px: usize) -> f64 {
     psf.nodes().iter().map(|psf| psf.pixel(half_px as f64 + 0.5, 0.0)).fold(0.0, f64::max)
-}
-
-/// Returns the number of stars of `from_e` and more.
-pub(super) fn count(stars: &[PlannedStar], from_e: f64) -> usize {
-    let in_chunk = |stars: &[PlannedStar]| stars.iter().filter(|star| star.electrons >= from_e).count();
-    stars.par_chunks(COUNTED_TOGETHER).map(in_chunk).sum()
 }
 
 /// Limits of drawing stars whole in an exposure.
