@@ -116,6 +116,29 @@ class Shells(Case):
         self.assertEqual(self.done("man").stdout, (self.folder / "man1/starloop.1").read_text())
 
 
+class CameraExport(Case):
+    NAME = "cameras/star_tracker_20deg.toml"
+
+    def test_each_program_gets_its_own_scale(self):
+        done = self.done("camera", "export", self.NAME, "--for", "openstartracker")
+        lines = dict(line.split("=") for line in done.stdout.splitlines())
+        self.assertEqual((lines["IMG_X"], lines["IMG_Y"]), ("1024", "1024"))
+        self.assertAlmostEqual(float(lines["PIXSCALE"]), 70.31, delta=0.01)
+        self.assertIn("at the centre", done.stderr)
+        lost = self.done("camera", "export", self.NAME, "--for", "lost").stdout
+        self.assertEqual(lost, "--focal-length 52.26 --pixel-size 18\n")
+
+    def test_opencv_file_has_the_matrix(self):
+        path = self.folder / "camera.json"
+        self.done("camera", "export", self.NAME, "--for", "opencv", "--out", str(path))
+        data = json.loads(path.read_text())["camera_matrix"]["data"]
+        self.assertAlmostEqual(data[0], 52.26e3 / 18.0, places=6)
+        self.assertEqual((data[2], data[5]), (511.5, 511.5))
+
+    def test_program_without_a_form_is_refused(self):
+        self.assertIn("openstartracker", self.done("camera", "export", self.NAME, "--for", "nothing", status=2).stderr)
+
+
 class Reports(Case):
     def test_each_has_its_schema_and_the_numbers_of_the_tables(self):
         snr = self.report("snr", str(CAMERA))

@@ -15,7 +15,7 @@ use std::{io::Write as _, path::PathBuf};
 const GROUPS: &[(&str, &[&str])] = &[
     ("Frames", &["run", "render", "dataset", "fly", "replay", "budget"]),
     ("Configuration files", &["init", "check", "keys", "schema"]),
-    ("Cameras, stars, catalogs", &["snr", "psf", "verify", "catalog"]),
+    ("Cameras, stars, catalogs", &["snr", "psf", "verify", "camera", "catalog"]),
     ("Connections and displays", &["bus", "link-check", "display", "export", "fmu"]),
     ("Reports and studies", &["report", "compare", "chart", "study", "campaign"]),
     ("This machine", &["doctor", "calibrate", "completions", "man"]),
@@ -169,6 +169,8 @@ const EXAMPLES: &[(&str, &[&str])] = &[
     ("keys", &["keys", "keys camera"]),
     ("schema", &["schema bench > bench.schema.json"]),
     ("init", &["init camera > my_camera.toml", "init bench > my_bench.toml"]),
+    ("camera", &["camera export cameras/star_tracker_20deg.toml --for lost"]),
+    ("camera export", &["camera export my_camera.toml --for opencv --out camera.json"]),
     ("catalog", &["catalog info", "catalog query --ra 83.8 --dec -1.2 --radius 5 --mag 4"]),
     ("catalog pack", &["catalog pack my_stars.csv --out my_stars.starcat --epoch 2016"]),
     (

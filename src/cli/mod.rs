@@ -8,6 +8,7 @@ mod budget_report;
 pub mod bus;
 pub mod calibrate;
 mod calibrate_display;
+pub mod camera;
 pub mod campaign;
 pub mod catalog;
 pub mod chart;
@@ -111,6 +112,8 @@ enum Command {
     Compare(compare::CompareArgs),
     /// Compute the range of a camera's stars: SNR against magnitude, limiting and saturation magnitudes
     Snr(snr::SnrArgs),
+    /// Write a camera's geometry in the form that a star tracker's program reads
+    Camera(camera::CameraArgs),
     /// Inject latency and jitter into the closed loop and compare it with linear theory: CSV table and SVG charts
     Study(study::StudyArgs),
     /// Hold a bus or serial port of this machine to what links promise, or echo what arrives on it
@@ -232,6 +235,7 @@ fn run_command(command: Command) -> anyhow::Result<u8> {
         Command::Verify(arguments) => verify::run(&arguments),
         Command::Compare(arguments) => compare::run(&arguments),
         Command::Snr(arguments) => snr::run(&arguments).map(|()| EXIT_DONE),
+        Command::Camera(arguments) => camera::run(&arguments).map(|()| EXIT_DONE),
         Command::Study(arguments) => study::run(&arguments),
         Command::LinkCheck(arguments) => link_check::run(&arguments),
         Command::Psf(arguments) => psf::run(&arguments).map(|()| EXIT_DONE),
