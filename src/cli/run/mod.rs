@@ -150,14 +150,14 @@ pub(crate) fn perform(arguments: &RunArgs) -> Result<Finished> {
     }
     let asked_to_finish = client.as_ref().is_some_and(|client| client.asked_to_finish());
     let was_interrupted = stop.load(Ordering::SeqCst) && !asked_to_finish && !end.was_over;
-    let is_gone = is_plant_gone || client.as_ref().is_some_and(Client::is_gone) && !is_real;
+    let is_gone = client.as_ref().is_some_and(Client::is_gone) && !is_real;
     // A run that its client let come to its end has no frames still to come.
     let was_finished = asked_to_finish && end.simulated_s < (end.times.end - end.times.zero).s();
     end.cut_short = match (was_finished, was_interrupted, is_gone) {
         (true, _, _) => Some(CutShort::Finished),
         (false, true, _) => Some(CutShort::Interrupted),
         (false, false, true) => Some(CutShort::ClientGone),
-        (false, false, false) => None,
+        (false, false, false) => is_plant_gone.then_some(CutShort::PlantGone),
     };
     let telemetry = telemetry.map(|file| file.finish(&title(&scenario))).transpose();
     telemetry.unwrap_or_else(|error| {

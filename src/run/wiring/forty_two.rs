@@ -122,7 +122,7 @@ fn accepted(address: SocketAddr, stop: &AtomicBool) -> Result<Option<TcpStream>>
     Ok(None)
 }
 
-/// What came next.
+/// Result of waiting for a message.
 enum Got {
     Record(PlainRecord),
     /// A message that was refused, and counted.

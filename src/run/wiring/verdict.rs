@@ -19,6 +19,8 @@ pub enum CutShort {
     Interrupted,
     /// Its client asked it to finish: frames that were still to come are missing as commanded.
     Finished,
+    /// The plant that drives its clock went away.
+    PlantGone,
     /// Its client went away.
     ClientGone,
 }
@@ -154,6 +156,10 @@ pub(super) fn verdict(promise: &Promise, facts: &Facts<'_>) -> RunVerdict {
         Some(CutShort::Interrupted) => {
             let text = "stopped before its end".into();
             verdict.add(Reason { word: RunWord::Incomplete, kind: "interrupted", count: 1, text });
+        }
+        Some(CutShort::PlantGone) => {
+            let text = "the plant went away before the end".into();
+            verdict.add(Reason { word: RunWord::Incomplete, kind: "plant_gone", count: 1, text });
         }
         Some(CutShort::ClientGone) => {
             let text = "the control client went away".into();
