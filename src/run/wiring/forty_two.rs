@@ -100,7 +100,12 @@ fn connected(address: SocketAddr, stop: &AtomicBool) -> Result<Option<TcpStream>
                     "tcp: {address}: {tries} tries to connect failed: {error}; start 42 as the server"
                 ));
             }
-            Err(_not_yet) => std::thread::sleep(LOOK),
+            Err(_not_yet) => {
+                if tries == 1 {
+                    eprintln!("link: waiting for 42 at tcp {address}");
+                }
+                std::thread::sleep(LOOK);
+            }
         }
     }
     Ok(None)
