@@ -6,9 +6,9 @@
 //!
 //! Each section has one file: the declarations of its keys (`key`), the checked struct, and the rules between them.
 //! Reference, JSON Schema and templates come from the declarations (`declared`). Unknown keys are refused with file,
-//! line and the nearest known key; violated rules say file, line, key, wanted, got, and what to try. Input paths are
-//! relative to the file that names them. The output directory of a sink is relative to the working directory: a
-//! configuration may be in a folder without write access.
+//! line and the nearest known key (`document_tables`); violated rules say file, line, key, wanted, got, and what to try.
+//! Input paths are relative to the file that names them. The output directory of a sink is relative to the working
+//! directory: a configuration may be in a folder without write access.
 //!
 //! The built-in bench and all it names are compiled in, so the binary runs from any directory.
 

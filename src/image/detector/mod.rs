@@ -1,4 +1,4 @@
-//! Electrons -> digital numbers: a file for each effect (full well and ADC share one), one ordered list of stages.
+//! Electrons -> digital numbers: a file for each effect (full well and ADC share one), one ordered list (`effect`).
 //!
 //! In: mean electrons per pixel. Out: u16 DN. Random numbers are Philox words keyed by (seed, frame, pixel, stage),
 //! with one seed for the sensor and one for the noise ([`Seeds`]): any frame, and any pixel of it, can be replayed
