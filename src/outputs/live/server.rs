@@ -153,23 +153,3 @@ async fn attend(stream: TcpStream, board: SharedBoard, seat: OwnedSemaphorePermi
     }
     drop(seat);
 }
-
-// Errors of the live view.
-
-/// A live view that could not be started.
-#[derive(Debug, thiserror::Error)]
-pub enum LiveError {
-    /// The live view cannot listen at the address.
-    #[error(
-        "the live view cannot listen at {address}: {source}; wanted an address of this machine and a free port: port 0 takes one"
-    )]
-    Listen {
-        /// The address asked for.
-        address: SocketAddr,
-        /// The system's reason.
-        source: io::Error,
-    },
-    /// A refusal in words.
-    #[error(transparent)]
-    Refused(#[from] Refused),
-}
