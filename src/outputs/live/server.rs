@@ -8,12 +8,11 @@
 //! all its clients, so their memory is bounded by seats times one picture. Tests: `http_tests`.
 
 use crate::live::route::{SharedBoard, answer, lock};
-use base::refused::Refused;
 use hyper::{Request, body::Incoming, server::conn::http1, service::service_fn};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use rustix::net::sockopt::set_socket_send_buffer_size;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::{collections::VecDeque, convert::Infallible, io, net::SocketAddr, time::Duration};
+use std::{collections::VecDeque, convert::Infallible, time::Duration};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{Notify, OwnedSemaphorePermit, Semaphore};
 use tokio::task::AbortHandle;
