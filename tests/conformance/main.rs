@@ -17,5 +17,6 @@ mod pages;
 mod quoted_messages;
 mod source;
 mod test_lists;
+mod verdict_words;
 mod whole_files;
 mod words;
