@@ -75,7 +75,8 @@ fn other_commands(page: &str, sources: &[String]) -> Vec<String> {
     let quotes = rows.iter().flat_map(|cells| quoted(cells[1]).chain(quoted(cells[2])).collect::<Vec<_>>());
     let unknown = quotes.filter(|quote| !is_said(quote, sources)).map(|quote| format!("no source says `{quote}`"));
     let of_lists = LineVerdict::ALL.map(LineVerdict::name).into_iter().chain(Outcome::ALL.map(Outcome::name));
-    let unnamed = of_lists.filter(|word| !page.contains(&format!("`{word}`"))).map(|word| format!("{word} is not there"));
+    let unnamed =
+        of_lists.filter(|word| !page.contains(&format!("`{word}`"))).map(|word| format!("{word} is not there"));
     lacking.chain(unknown).chain(unnamed).collect()
 }
 
