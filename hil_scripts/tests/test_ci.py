@@ -4,6 +4,7 @@ The commands come from src/guide/ci.md, with the files that it says to commit; c
 program under test is `starloop` on the PATH. The CRC of the page is that of one version: where the file of expected CRCs
 differs, the job must fail and print the line to add, and with that line it must pass. Controls: a tightened limit ends the
 job, with its files for the server in place; a wrong CRC ends it; a job without a command that installs is refused.
+Needs PyYAML, which requirements_campaign.txt brings along.
 """
 
 import os
