@@ -23,11 +23,11 @@ use base::time::Tai;
 use batch::campaign::{check_time_for_faults, episode_scenario};
 use config::{Bench, Carrier, Document, Link, Scenario, Setting, StartTime};
 use core::sync::atomic::{AtomicBool, Ordering};
-use frames::report::{HygieneLine, RunSummary};
+use frames::report::{HygieneLine, Losses, RunSummary};
 use link::{WireFormat, capture::CaptureFormat};
 use run::runtime::{Hygiene, HygieneParams, Imager};
 use run::wiring::assemble::{Outputs, Run, RunOptions};
-use run::wiring::forty_two::{self, Driven, FortyTwo};
+use run::wiring::forty_two::{self, FortyTwo};
 use run::wiring::memory::{RunForm, RunMemory};
 use run::wiring::taps::{CaptureOptions, LiveOptions};
 use run::{wiring::sinks::run_directory, wiring::verdict::CutShort};
@@ -126,15 +126,10 @@ pub(crate) fn perform(arguments: &RunArgs) -> Result<Finished> {
     let mut wall = Stopwatch::start();
     let monitor = Monitor::start(say)?;
     let mut progress = sender(monitor.updates.clone(), run.numbers(), run.frames());
-    let mut is_plant_gone = false;
     let Controlled { mut end, client } = match (listener, steering) {
         (None, _) => {
             let end = match plant {
-                Some(plant) => {
-                    let Driven { end, is_gone } = plant.drive(run, &stop, &mut progress)?;
-                    is_plant_gone = is_gone;
-                    end
-                }
+                Some(plant) => plant.drive(run, &stop, &mut progress)?,
                 None => run.fly(&stop, &mut progress)?,
             };
             Controlled { end, client: None }
@@ -157,17 +152,28 @@ pub(crate) fn perform(arguments: &RunArgs) -> Result<Finished> {
         (true, _, _) => Some(CutShort::Finished),
         (false, true, _) => Some(CutShort::Interrupted),
         (false, false, true) => Some(CutShort::ClientGone),
-        (false, false, false) => is_plant_gone.then_some(CutShort::PlantGone),
+        (false, false, false) => end.cut_short,
     };
-    let telemetry = telemetry.map(|file| file.finish(&title(&scenario))).transpose();
+    finish_files(telemetry, directory.as_deref(), (&document, arguments), &scenario, &mut end.losses);
+    Ok(Finished { scenario, end, client, wall_s, was_interrupted, directory })
+}
+
+/// Finishes the files of the run's folder; what cannot be written is a loss.
+fn finish_files(
+    telemetry: Option<TelemetryFile>,
+    directory: Option<&Path>,
+    (document, arguments): (&Document, &RunArgs),
+    scenario: &Scenario,
+    losses: &mut Losses,
+) {
+    let telemetry = telemetry.map(|file| file.finish(&title(scenario))).transpose();
     telemetry.unwrap_or_else(|error| {
-        end.losses.note_file("telemetry.csv", format!("{error:#}"));
+        losses.note_file("telemetry.csv", format!("{error:#}"));
         None
     });
-    if let Some(directory) = &directory {
-        provenance::keep(directory, (&document, &arguments.settings), &scenario, &mut end.losses);
+    if let Some(directory) = directory {
+        provenance::keep(directory, (document, &arguments.settings), scenario, losses);
     }
-    Ok(Finished { scenario, end, client, wall_s, was_interrupted, directory })
 }
 
 /// Returns whether 42 drives the clock of the run.
