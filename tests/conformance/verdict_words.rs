@@ -12,8 +12,8 @@ use starloop::cli::exit_statuses::EXIT_STATUSES;
 use starloop::cli::{EXIT_NOT_MET, EXIT_OVER_BUDGET};
 
 const PAGE: &str = "src/guide/verdicts.md";
-/// Kinds of reasons without a list of their own: no attitude from outside, and a signal.
-const REASONS: &[&str] = &["no_attitude", "interrupted"];
+/// Kinds of reasons without a list of their own: no attitude from outside, a signal, and who drove the clock is gone.
+const REASONS: &[&str] = &["no_attitude", "interrupted", "plant_gone", "client_gone"];
 /// The command with sections of its own.
 const RUN: &str = "run";
 

@@ -272,12 +272,18 @@ fn directory(scenario: &Scenario, arguments: &RunArgs) -> Result<Option<PathBuf>
     Ok(directory)
 }
 
-/// Removes the new folder of a run that could not begin, if nothing or an empty table is in it.
+/// Removes the new folder of a run that could not begin, if nothing or only empty tables and folders are in it.
 fn leave_nothing(folder: Option<&Path>) {
     let Some(folder) = folder else { return };
-    let table = folder.join("frames.csv");
-    if table.metadata().is_ok_and(|table| table.len() == 0) {
-        let _ = std::fs::remove_file(&table); // what stays is seen by the next line
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let path = entry.path();
+        match path.symlink_metadata() {
+            Ok(about) if about.is_dir() => leave_nothing(Some(&path)),
+            Ok(about) if about.is_file() && about.len() == 0 && entry.file_name() == "frames.csv" => {
+                let _ = std::fs::remove_file(&path); // what stays is seen below
+            }
+            Ok(_) | Err(_) => {}
+        }
     }
     let _ = std::fs::remove_dir(folder); // refused where anything is in it
 }
@@ -458,5 +464,23 @@ mod tests {
             let error = run(&arguments(&words)).unwrap_err().to_string();
             assert!(parts.iter().all(|part| error.contains(part)), "{words:?}: {error}");
         }
+    }
+
+    #[test]
+    fn the_folder_of_a_run_that_could_not_begin_is_removed_with_those_of_its_heads() {
+        let base = tempfile::tempdir().unwrap();
+        let run = base.path().join("run");
+        let tables = ["head0/frames.csv", "head1/extra_sink_0/frames.csv"].map(|table| run.join(table));
+        let write = |table: &PathBuf, text: &str| {
+            std::fs::create_dir_all(table.parent().unwrap()).unwrap();
+            std::fs::write(table, text).unwrap();
+        };
+        tables.iter().for_each(|table| write(table, ""));
+        leave_nothing(Some(&run));
+        assert!(!run.exists());
+        write(&tables[0], "frame\n");
+        write(&tables[1], "");
+        leave_nothing(Some(&run));
+        assert!(tables[0].exists() && !tables[1].exists(), "control: a table with a line stays");
     }
 }

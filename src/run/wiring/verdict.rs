@@ -184,7 +184,9 @@ fn add_silence(verdict: &mut RunVerdict, promise: &Promise, facts: &Facts<'_>) {
             let first = first.map_or_else(String::new, |first| format!(", the first is {first}"));
             format!("no attitude was accepted: {refused} messages were refused{first}: {}", promise.advice)
         } else {
-            format!("no attitude arrived: {}", promise.advice)
+            let others: u64 = facts.ports.iter().map(PortReading::of_other_nodes).sum();
+            let others = if others > 0 { format!(", only {others} messages of other nodes") } else { String::new() };
+            format!("no attitude arrived{others}: {}", promise.advice)
         };
         verdict.add(Reason { word: RunWord::Incomplete, kind: "no_attitude", count: 1, text });
     }
