@@ -1,8 +1,9 @@
 """Tests that each usual mistake gets a good message: python3 hil_scripts/tests/test_mistakes.py
 
-The tables in mistakes/ have one row for each mistake: files and a command, the exit status, and what the message says:
-what is wrong, where, what was wanted, what was given, and how to repair it. `test_mistakes.py --show [WORD...]` prints
-the messages of the rows whose names have all the words.
+A rule of one key is broken in a unit test beside it. Here are mistakes that need the program: its files, exit status,
+devices, sockets, a shell. The tables in mistakes/ have one row for each mistake: files and a command, the exit status, and
+what the message says: what is wrong, where, what was wanted, what was given, and how to repair it.
+`test_mistakes.py --show [WORD...]` prints the messages of the rows whose names have all the words.
 
 A row has:
 
@@ -35,7 +36,7 @@ from pathlib import Path
 from support import BINARY, ROOT, Running
 
 TABLES = Path(__file__).resolve().parent / "mistakes"
-LEAST_ROWS = 200
+LEAST_ROWS = 190
 LIMIT_S = 60
 KINDS = {"bench": "check", "scenario": "check", "camera": "snr", "link": "check", "spacecraft": "check"}
 KEYS = {"name", "files", "prepare", "run", "shell", "requests", "exit", "line", "has", "lacks"} | set(KINDS)

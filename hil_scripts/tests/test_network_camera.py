@@ -126,7 +126,7 @@ class Grab:
     def __init__(self, address, **wanted):
         self.folder = tempfile.TemporaryDirectory()
         if wanted.get("chunks"):
-            wanted["set"] = [*wanted.get("set", [])]
+            wanted["set"] = [*wanted.get("set", []), ["ChunkModeActive", True]]
         request = {"address": address, "folder": self.folder.name, **wanted}
         self.process = subprocess.Popen([SYSTEM_PYTHON, __file__, "--grab", json.dumps(request)], stdin=subprocess.PIPE,
                                         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)

@@ -8,6 +8,7 @@ the recording. A tracker without errors shows what the protocol costs: its resol
 themselves, and exact on the virtual clock. Every comparison has a control: a tracker that is off by 30 arcsec fails it.
 """
 
+import ast
 import contextlib
 import json
 import math
@@ -31,7 +32,7 @@ import serial
 import xxhash
 from spacepackets.ecss import PusTc, PusTm
 
-from support import ARCSEC, BINARY, PATIENCE_S, ROOT, InAFolder, Running, about_y, bench_text, output, product, rows_of, starloop, summary_of, until
+from support import ARCSEC, BINARY, PATIENCE_S, ROOT, InAFolder, Running, about_y, bench_text, free_port, output, product, rows_of, starloop, summary_of, until
 from starloop.client import Starloop, attitude_sample
 
 EDS = ROOT / "src/telemetry/canopen/starloop_tracker.eds"
@@ -619,6 +620,56 @@ class Clients(InAFolder):
         self.assertIsNone(row["first_error"])
         events = summary_of(run.out)["event_counts"]
         self.assertEqual(events["telemetry_lost"], 20)
+
+
+class Guide(InAFolder):
+    """The clients of tracker_telemetry.md, as they are written but for paths and ports."""
+
+    PAGE = (ROOT / "src/guide/tracker_telemetry.md").read_text()
+    CLIENTS = dict(re.findall(r'<!-- client: protocol = "(\w+)".*? -->\n\n```python\n(.*?)```', PAGE, re.S))
+    STEPS = {"canopen": SINGLE, "ccsds": DOUBLE, "nos3": NOS3}
+
+    def printed(self, protocol, keys, place):
+        """Returns what a client prints, and the truths of the run."""
+        text = self.CLIENTS[protocol].replace("src/telemetry/canopen/starloop_tracker.eds", str(EDS))
+        for written, used in place.items():
+            self.assertIn(written, text)
+            text = text.replace(written, str(used))
+        with Run(self.folder, [f'protocol = "{protocol}"\n{keys}\n{PERFECT}'], duration_s=20) as run:
+            run.line("tracker_out[0]: ")
+            # A tracker without a time tag answers before it has seen its first frame.
+            said = lambda: output(sys.executable, "-c", text, timeout=PATIENCE_S)
+            last = until("an attitude", lambda: not (last := said()).endswith(" 0\n") and last)
+            run.stop()
+        return last, [q for _, _, q in truths(run.out)]
+
+    def check(self, q, truth, step):
+        self.assertLessEqual(min(off_by(q, true) for true in truth), step)
+        self.assertGreater(min(off_by(conjugate(q), true) for true in truth), step, "control: the other sense")
+
+    def test_every_protocol_of_the_page_has_its_client_here(self):
+        self.assertEqual(sorted(self.CLIENTS), sorted(self.STEPS))
+
+    def test_canopen(self):
+        port = self.folder / "can"
+        said, truth = self.printed("canopen", f'link = "slcan_pty"\npath = "{port}"', {"/tmp/star_tracker": port})
+        name, *pdos = said.splitlines()
+        self.assertEqual(name, "starloop star tracker")
+        parts = {key.rsplit(".")[-1]: value for pdo in pdos for key, value in ast.literal_eval(pdo).items()}
+        self.check([parts[part] for part in ("Real part", "i", "j", "k")], truth, SINGLE)
+
+    def test_space_packets(self):
+        port = free_port(socket.SOCK_DGRAM)
+        said, truth = self.printed("ccsds", f'link = "udp"\nsend_to = {port}', {"9002": port})
+        self.check(ast.literal_eval(said), truth, DOUBLE)
+
+    def test_nos3(self):
+        port = self.folder / "st"
+        said, truth = self.printed("nos3", f'link = "pty"\npath = "{port}"', {"/tmp/star_tracker": port})
+        q, is_valid = said.rsplit(" ", 1)
+        self.assertEqual(int(is_valid), 1)
+        *vector, scalar = ast.literal_eval(q)
+        self.check(conjugate([scalar, *vector]), truth, NOS3)
 
 
 class KernelCan(unittest.TestCase):

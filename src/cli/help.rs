@@ -149,7 +149,14 @@ const EXAMPLES: &[(&str, &[&str])] = &[
         &["campaign --hours 30 --seed 1000", "campaign my_scenario.toml --hours 100 --shard 2/4 --out part2.jsonl"],
     ),
     ("chart", &["chart --quick", "chart --out out/chart --backend cpu"]),
-    ("verify", &["verify my_camera.toml", "verify cameras/small_tracker.toml --frames 20 --plot transfer.svg"]),
+    (
+        "verify",
+        &[
+            "verify my_camera.toml",
+            "verify cameras/small_tracker.toml --frames 20 --plot transfer.svg",
+            "verify my_camera.toml --export out/flats",
+        ],
+    ),
     ("study", &["study --quick", "study my_scenario.toml --out out/study"]),
     (
         "link-check",

@@ -23,7 +23,7 @@ const BROWSERS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "g
 #[command(
     after_help = "Writes tracker_report.html, .json and .xml (JUnit) into the folder of a run, report.html and so on into that of \
                   a flown plan, or beside --out. Exit status 0: PASSED; 4: FAILED (a requirement is not met) or NOT SHOWN (none is \
-                  broken, more data are needed). Columns of logs, metrics and keys of requirements: src/guide/reports.md."
+                  broken, more data are needed). Logs and requirements: src/guide/reports.md; metrics: src/guide/metrics.md."
 )]
 pub struct ReportArgs {
     /// Folder of a recorded run (with frames.csv), or of a plan that `starloop fly` has flown

@@ -79,7 +79,7 @@ fn contradictions_are_refused_with_what_to_try() {
         ("gain_rule = \"lsp\"", ["detector.gain_rule", "\"lsb\"", "full well / 2^bits"]),
         ("rounding = \"up\"", ["detector.rounding", "\"truncate\"", "whole number"]),
         ("dark_doubling_k = 0.0", ["detector.dark_doubling_k is 0", "above 0", "double the dark current"]),
-        ("temperature_c = -300.0", ["detector.temperature_c", "-273.15", "dark_temperature_c"]),
+        ("temperature_c = -300.0", ["-300; wanted a number from -273.15 to 200", "Celsius", "detector.temperature_c"]),
         ("temperature_c = 190.0\ndark_e_per_s = 1e4", ["detector.temperature_c", "e-/s", "nearer to the detector's"]),
         ("dark_current_na_per_cm2 = 1.0\ndark_e_per_s = 1.0", ["dark_current_na_per_cm2", "dark_e_per_s (1)", "once"]),
         ("dark_current_na_per_cm2 = -1.0", ["dark_current_na_per_cm2", "0 to 1000000", "square centimetre"]),
@@ -165,5 +165,5 @@ fn maps_are_read_from_beside_the_camera_and_held_to_its_size() {
     write_map(&map, [64, 48], |_| 9e6);
     read("maps = { dsnu_e = \"map.fits\" }").expect("control: within the limit");
     std::fs::write(&map, "not an image").expect("a file");
-    refused(prnu, &["map.fits", "detector.maps.prnu"]);
+    refused(prnu, &["map.fits", "detector.maps.prnu", "not a FITS image"]);
 }

@@ -161,6 +161,9 @@ fn babble_and_clocks_have_edges() {
         let error = babble(id, period_ms, bytes).unwrap_err();
         assert!(error.contains(&format!("event[0].{key} is ")) && error.contains("wanted"), "{error}");
     }
+    let long = babble("0x12345", "1.0", "8").unwrap_err();
+    assert!(long.contains("event[0].can_id is 74565; wanted a whole number from 0 to 2047"), "{long}");
+    assert!(long.contains("an identifier of 11 bits"), "{long}");
     for (word, key, most) in [("clock_step", "step_ms", 60_000.0), ("clock_drift", "ppm", 10_000.0)] {
         for sign in [1.0, -1.0] {
             let of = |value: f64| event(&format!("do = \"{word}\"\n{key} = {value:?}\n"));
@@ -190,7 +193,7 @@ fn an_event_begins_by_time_by_frame_or_by_trigger() {
 #[test]
 fn contradicting_times_are_refused() {
     for (lines, wanted) in [
-        ("for_s = 2.0\n", "event[0].at_s is missing"),
+        ("for_s = 2.0\n", "event[0].at_s is missing; wanted a number, 0 or more: seconds after the first exposure"),
         ("at_s = 1.0\nat_frame = 7\nfor_s = 2.0\n", "event[0].at_s is given"),
         ("on_trigger = 1\nat_frame = 7\nfor_s = 2.0\n", "event[0].at_frame is given"),
         ("at_s = 1.0\nfor_s = 2.0\nfor_frames = 3\n", "event[0].for_s is given"),

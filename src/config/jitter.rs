@@ -216,8 +216,12 @@ mod tests {
             ("t_s,x\n", "series = \"j.csv\"\n", "j.csv:line 1"),
             ("t_s,x_arcsec\n0,1\n1,x\n", "series = \"j.csv\"\n", "j.csv:line 3"),
             ("f_hz,x_arcsec2_hz\n2,1\n1,1\n", "density = \"j.csv\"\n", "j.csv:line 3"),
-            ("", "series = \"j.csv\"\ndensity = \"j.csv\"\n", "no jitter.series beside it"),
-            ("", "scale = 2.0\n", "jitter.scale"),
+            (
+                "",
+                "series = \"j.csv\"\ndensity = \"j.csv\"\n",
+                "jitter.density is given; wanted no jitter.series beside it: give series or density, not both",
+            ),
+            ("", "scale = 2.0\n", "no jitter.scale here: it belongs to jitter.series or jitter.density"),
             ("", "series = \"none.csv\"\n", "none.csv"),
             ("f_hz,x_arcsec2_hz\n1,1\n2,1\n", "density = \"j.csv\"\nat_end = \"repeat\"\n", "jitter.at_end"),
         ] {

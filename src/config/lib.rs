@@ -6,9 +6,9 @@
 //!
 //! Each section has one file: the declarations of its keys (`key`), the checked struct, and the rules between them.
 //! Reference, JSON Schema and templates come from the declarations (`declared`). Unknown keys are refused with file,
-//! line and the nearest known key; violated rules say file, line, key, wanted, got, and what to try. Input paths are
-//! relative to the file that names them. The output directory of a sink is relative to the working directory: a
-//! configuration may be in a folder without write access.
+//! line and the nearest known key (`unknown_keys`); violated rules say file, line, key, wanted, got, and what to try.
+//! Input paths are relative to the file that names them. The output directory of a sink is relative to the working
+//! directory: a configuration may be in a folder without write access.
 //!
 //! The built-in bench and all it names are compiled in, so the binary runs from any directory.
 
@@ -23,7 +23,7 @@ mod detector;
 mod detector_effects;
 mod display;
 mod document;
-mod document_tables;
+mod unknown_keys;
 mod error;
 mod event;
 mod event_places;
@@ -35,7 +35,7 @@ mod flight_computer;
 mod jitter;
 mod named_files;
 mod key;
-mod key_check;
+mod plan_key_check;
 mod key_type;
 mod link;
 mod motion;
@@ -79,7 +79,6 @@ pub use expect::{Expect, ExpectFrames};
 pub use file_kind::FileKind;
 pub use flight_computer::{FlightComputer, JitterSource, RIGHT_ASCENSION_DEG, Slew};
 pub use jitter::{JitterAxes, JitterFile, JitterInput};
-pub use key_check::check_keys;
 pub use link::{Carrier, Link, SessionParams, SessionStart};
 pub use motion::Motion;
 pub use mtf::{Chain, LightOfChain};
@@ -87,6 +86,7 @@ pub use observer::{Observer, OrbitSettings, OrbitStart};
 pub use optics::{Distortion, Optics};
 pub use packed::PackedDocuments;
 pub use plain_link::Plain;
+pub use plan_key_check::check_keys;
 pub use plant::{Begins, FilePlant, Plant, TrackerCommands, Vehicle};
 pub use psf::Psf;
 pub use radiometry::{Exposure, Radiometry, RadiometryModel};

@@ -93,6 +93,12 @@ fn each_rule_has_a_failing_example() {
         ("distortion", "model = \"polynomial\"".into(), "distortion.x", ["none", "rows of"]),
         (
             "distortion",
+            "model = \"polynomial\"\nx = [[1.5, 0.0, 1.0]]\ny = [[0, 1, 1.0]]".into(),
+            "distortion.x",
+            ["1.5", "whole"],
+        ),
+        (
+            "distortion",
             "model = \"polynomial\"\nk1 = 0.1\nx = [[3, 0, 0.1]]".into(),
             "distortion.k1",
             ["belongs to", "brown-conrady"],
@@ -104,7 +110,7 @@ fn each_rule_has_a_failing_example() {
             "distortion.y",
             ["-1000000", "focal lengths"],
         ),
-    ] as [(&str, String, &str, [&str; 2]); 26]
+    ] as [(&str, String, &str, [&str; 2]); 27]
     {
         let error = camera(&format!("[{section}]\n{lines}\n")).expect_err(key).to_string();
         assert!(error.contains("lab/cam.toml") && error.contains(key), "{lines}: {error}");

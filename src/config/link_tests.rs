@@ -52,13 +52,16 @@ fn identifiers_have_11_or_29_bits() {
 fn unused_and_missing_keys_are_refused_by_name() {
     for (text, words) in [
         ("kind = \"socketcan\"", "link.interface"),
+        ("kind = \"socketcan\"", "ip -br link"),
         ("kind = \"socketcan\"\ninterface = \" \"", "empty"),
         ("kind = \"socketcan\"\ninterface = \"can0\"\nwire = \"serial\"", "can_fd"),
         ("kind = \"serial\"", "link.port"),
+        ("kind = \"serial\"", "/dev/serial/by-id"),
         ("kind = \"serial\"\nport = \"/dev/x\"\nstop_bits = 3", "1 to 2"),
         ("interface = \"can0\"", "socketcan"),
         ("kind = \"socketcan\"\ninterface = \"can0\"\nslcan_tcp = \"0\"", "simulated"),
         ("slcan_tcp = \"nowhere\"", "address:port"),
+        ("socketcand = \"default\"", "a port on loopback such as 29536"),
         ("slcan_tcp = 70000", "is \"70000\""),
         ("id_base = 8", "multiple of 16"),
         ("node = 16", "0 to 15"),

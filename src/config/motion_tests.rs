@@ -47,7 +47,7 @@ fn impossible_motion_is_refused() {
         (sinusoid(0.01, 50.0), ["half of flight_computer.attitude_hz", "jitter_line"]),
         (sinusoid(30.0, 40.0), ["deg/s^2", "slow it down"]),
         (format!("kind = \"waypoints\"\n{}", waypoints(&[(0.0, 1.0)])), ["waypoint", "2 to"]),
-        (format!("kind = \"waypoints\"\n{}", waypoints(&[(1.0, 1.0), (1.0, 2.0)])), ["waypoint[1].t_s", "rising"]),
+        (format!("kind = \"waypoints\"\n{}", waypoints(&[(1.0, 1.0), (1.0, 2.0)])), ["waypoint[1].t_s is 1", "rising"]),
         (
             format!("kind = \"waypoints\"\n{}", waypoints(&[(0.0, 0.0), (1.0, 180.0)])),
             ["waypoint[1].t_s", "half a turn"],

@@ -172,7 +172,11 @@ mod tests {
             ("model = \"a b\"", "model = \"a<b\"", "quotes"),
             ("mac = \"00:11:22:33:44:55\"", "mac = \"01:11:22:33:44:55\"", "six pairs"),
             ("address = \"10.0.0.1\"", "address = \"0.0.0.0\"", "one address"),
-            ("address = \"127.0.0.1\"", "address = \"localhost\"", "IPv4"),
+            (
+                "address = \"127.0.0.1\"",
+                "address = \"localhost\"",
+                "IPv4 address of an interface: a camera has one address: 127.0.0.1",
+            ),
             ("pixel_format = \"Mono8\"", "pixel_format = \"mono8\"", "did you mean \"Mono8\""),
             ("xml = \"zip\"", "xml = \"gzip\"", "plain"),
             ("", "adress = \"127.0.0.1\"", "did you mean `address`"),

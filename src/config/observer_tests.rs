@@ -70,7 +70,11 @@ fn each_rule_has_a_failing_example() {
         (two_body(&format!("{state}eccentricity = 0.1")), "observer.eccentricity", ["by elements", "leave out"]),
         (two_body(&format!("{state}raan_deg = 10")), "observer.raan_deg", ["by elements", "leave out"]),
         (two_body("semi_major_axis_km = nan"), "observer.semi_major_axis_km", ["NaN", "hyperbola"]),
-        (two_body("semi_major_axis_km = 7000\neccentricity = 1"), "observer.eccentricity", ["below 1", "parabola"]),
+        (
+            two_body("semi_major_axis_km = 7000\neccentricity = 1"),
+            "observer.eccentricity is 1",
+            ["below 1", "parabola"],
+        ),
         (two_body("semi_major_axis_km = -7000\neccentricity = 0.9"), "observer.eccentricity", ["above 1", "parabola"]),
         (
             two_body("semi_major_axis_km = 7000\ninclination_deg = 181"),

@@ -45,11 +45,15 @@ fn each_carrier_and_convention_is_read() {
 fn unused_and_missing_keys_are_refused_by_name() {
     for (text, words) in [
         ("kind = \"udp\"", "link.listen"),
+        ("kind = \"udp\"", "29700"),
         ("kind = \"udp\"\nlisten = 1\nconnect = 2", "kind = \"tcp\""),
         ("kind = \"udp\"\nlisten = 1\nwire = \"can_fd\"", "\"plain\""),
         ("kind = \"udp\"\nlisten = 1\nbit_rate = 9600.0", "link.bit_rate"),
         ("kind = \"udp\"\nlisten = 1\nencoding = \"42\"", "TCP"),
         ("kind = \"udp\"\nlisten = 1\nlayout = [\"t\", \"q\"]", "is \"q\"; wanted some of t, q_w"),
+        ("kind = \"udp\"\nlisten = 1\nlayout = [\"t\", \"qw\"]", "it is not the name of a field"),
+        ("kind = \"udp\"\nlisten = 1\nlayout = [\"t\", \"q_w\", \"q_w\"]", "it has the field \"q_w\" twice"),
+        ("kind = \"udp\"\nlisten = 1\nlayout = [\"t\", \"w_x\", \"w_y\", \"w_z\"]", "it lacks the field \"q_w\""),
         (
             "kind = \"udp\"\nlisten = 1\nlayout = [\"q_w\", \"q_x\", \"q_y\", \"q_z\", \"w_x\", \"w_y\", \"w_z\"]",
             "no \"t\"",

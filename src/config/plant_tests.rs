@@ -69,8 +69,8 @@ fn an_attitude_history_is_read_and_refused_by_line() {
     for (rows, part) in [
         ("0.0,1,0,0\n", "attitude.csv:1"),
         ("0.0,1,0,0,0\n1.0,2,0,0,0\n", "attitude.csv:2"),
-        ("1.0,1,0,0,0\n0.0,1,0,0,0\n", "rising times"),
-        ("", "0 rows"),
+        ("1.0,1,0,0,0\n0.0,1,0,0,0\n", "row 2 is not after the one before it; wanted rising times: sort the rows"),
+        ("", "0 rows: no attitude; wanted one row at least"),
     ] {
         let error = read(rows).expect_err(rows).to_string();
         assert!(error.contains("plant.attitude") && error.contains(part), "{rows:?}: {error}");
@@ -135,11 +135,37 @@ fn a_bench_takes_faults_of_bus_and_frames_and_refuses_those_aboard() {
 }
 
 #[test]
+fn events_that_name_what_the_run_does_not_have_are_refused() {
+    let camera = "camera = \"../cameras/small_tracker.toml\"\n";
+    for (lines, parts) in [
+        ("do = \"frame_drop\"\nhead = 3\n", ["event[0].head is 3", "less than 1"]),
+        ("do = \"stuck_pixels\"\ndn = 4000\npx = [6400, 480]\n", ["event[0].px is [6400, 480]", "256 x 256"]),
+        ("do = \"hot_pixels\"\ne_per_s = 1e4\ncolumn = 9000\n", ["event[0].column is 9000", "less than 256"]),
+        ("do = \"stuck_pixels\"\ndn = 65000\npx = [64, 48]\n", ["event[0].dn is 65000", "at most 4095"]),
+        ("do = \"frame_bit_flip\"\nbit = 15\n", ["event[0].bit is 15", "less than 12"]),
+        ("do = \"false_stars\"\nmag = 3.0\npx = [5000, 10]\n", ["event[0].px is [5000, 10]", "256 x 256"]),
+    ] {
+        let error = refused(&format!("{camera}[[event]]\nat_s = 1.0\nfor_s = 1.0\n{lines}"));
+        assert!(parts.iter().all(|part| error.contains(part)), "{lines}: {error}");
+    }
+    let wheel = format!("{FLOWN}[[event]]\nat_s = 1.0\ndo = \"wheel_failure\"\nwheel = 7\n");
+    assert!(refused(&wheel).contains("event[0].wheel is 7; wanted less than 4"), "{}", refused(&wheel));
+}
+
+#[test]
 fn a_bench_expects_frames_and_refuses_to_expect_pointing() {
     let scenario = run_file("[expect]\nlate_frames_at_most = 0\ntriggers_at_least = 2\n").unwrap();
     assert_eq!((scenario.expect.frames.limits.late, scenario.expect.frames.triggers_at_least), (Some(0), Some(2)));
     assert_eq!(scenario.expect.frames.limits.dropped, None);
-    assert!(refused("[expect]\npointing_arcsec = 5.0\n").contains("expect.pointing_arcsec is given"));
+    let pointing = refused("[expect]\npointing_arcsec = 5.0\n");
+    assert!(pointing.contains("expect.pointing_arcsec is given") && pointing.contains("spacecraft"), "{pointing}");
+    for (line, part) in [
+        ("final_mode = \"pointing\"", "expect.final_mode is \"pointing\"; wanted one of \"any\", \"fine_pointing\""),
+        ("fine_pointing_within_s = 1000.0", "is 1000; wanted a number above 0, up to 10: seconds after the first"),
+    ] {
+        let error = refused(&format!("{FLOWN}[expect]\n{line}\n"));
+        assert!(error.contains("lab.toml:12") && error.contains(part), "{error}");
+    }
     assert!(refused("[expect]\nlate_frames_at_most = -1\n").contains("late_frames_at_most is -1"));
 }
 
@@ -155,6 +181,10 @@ fn heads_have_cameras_rates_and_phases_of_their_own() {
     assert_eq!((second.timing.frame_rate_hz, second.timing.phase), (5.0, Span::from_ms(20)));
     assert_eq!((second.seed, bench.of_head(0).seed), (bench.seed + 1, bench.seed), "noise of its own");
     assert_eq!(bench.of_head(0).camera, bench.camera);
+    for wrong in ["[1.0, 1.0, 0.0, 0.0]", "[0.0, 0.0, 90.0]"] {
+        let error = refused(&format!("[[head]]\nsensor_from_body = {wrong}\n"));
+        assert!(error.contains("lab.toml:2") && error.contains("head[0].sensor_from_body is"), "{error}");
+    }
     let both = format!("{text}[[extra_head]]\nsensor_from_body = [1.0, 0.0, 0.0, 0.0]\n");
     assert!(refused(&both).contains("extra_head is given"), "{}", refused(&both));
     let fast = text.replace("frame_rate_hz = 5.0", "frame_rate_hz = 5000.0");

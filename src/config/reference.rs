@@ -53,9 +53,9 @@ const fn about(kind: FileKind) -> &'static str {
         FileKind::Link => "A bus to the flight computer: the keys of a bench's `[link]` in a file of their own.",
         FileKind::Spacecraft => "Body, wheels, modes, disturbances, gyro, Sun sensor, control.",
         FileKind::TestPlan => {
-            "Cases that `starloop fly` flies with a star tracker, as [reports.md](reports.md) explains."
+            "Cases that `starloop fly` flies with a star tracker, as [test_plans.md](test_plans.md) explains."
         }
-        FileKind::Requirements => "Limits of the metrics that [reports.md](reports.md#metrics) lists.",
+        FileKind::Requirements => "Limits of the metrics that [metrics.md](metrics.md) lists.",
         FileKind::DataSet => {
             "Images with labels that `starloop dataset` draws, as [data_sets.md](data_sets.md) explains."
         }

@@ -142,7 +142,12 @@ mod tests {
         let bench = "camera = \"cam.toml\"\n[timing]\nframe_rate_hz = 10\n[flight_computer]\ndec_deg = 95\n";
         let document = Document::from_text(bench, &folder.path().join("bench.toml"));
         let message = Bench::from_document(&document).unwrap_err().to_string();
-        for part in ["frame_rate_hz is 10; wanted at most 2.0", "dec_deg is 95", "quantum_efficiency is 55"] {
+        for part in [
+            "timing.frame_rate_hz is 10; wanted at most 2.0",
+            "exposure.exposure_s",
+            "dec_deg is 95",
+            "quantum_efficiency is 55",
+        ] {
             assert!(message.contains(part), "no \"{part}\" in:\n{message}");
         }
     }
@@ -151,7 +156,8 @@ mod tests {
     fn word_without_a_near_one_hides_no_other_event() {
         let text = "[[event]]\nat_s = 1.0\ndo = \"xyz\"\nshare = 2\n[[event]]\nat_s = -2.0\ndo = \"safe\"\n[[event]]\nat_s = 1\n";
         let errors = errors_of_bench(text);
-        for part in ["event[0].do is \"xyz\"", "event[1].at_s is -2", "event[2].do is missing"] {
+        for part in ["event[0].do is \"xyz\"", "event[1].at_s is -2", "event[2].do is missing; wanted one of \"slew\""]
+        {
             assert!(errors.iter().any(|error| error.contains(part)), "{part}: {errors:#?}");
         }
         assert!(!errors.iter().any(|error| error.contains("share")), "it belongs to no word: {errors:#?}");

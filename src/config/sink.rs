@@ -31,7 +31,7 @@ const DISPLAY_PICTURES: u64 = 8;
 /// Memory that a sink of one head takes beside its thread and its queue.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SinkMemory {
-    /// What it is for.
+    /// Purpose of the memory.
     pub what: &'static str,
     /// The key that determines it, and its value.
     pub by: Option<(&'static str, u32)>,

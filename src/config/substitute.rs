@@ -3,8 +3,8 @@
 
 use crate::error::{ConfigError, meant_word};
 use crate::{
-    declared::Preset, document::Document, document_tables::declared_key, file_kind::FileKind, key_type::Shape,
-    reference::declared, setting::Setting,
+    declared::Preset, document::Document, file_kind::FileKind, key_type::Shape, reference::declared, setting::Setting,
+    unknown_keys::declared_key,
 };
 
 /// Number of the trigger that replaces the first event without a word; no file has it by chance.

@@ -261,7 +261,7 @@ mod tests {
         for (lines, wanted) in [
             ("mag = 6.0\n", "target[0].position_px is missing"),
             ("position_px = [1.0, 2.0]\n", "one of mag, electrons and snr"),
-            ("position_px = [1.0, 2.0]\nmag = 6.0\nelectrons = 5.0\n", "given beside another one"),
+            ("position_px = [1.0, 2.0]\nmag = 6.0\nelectrons = 5.0\n", "target[0].mag is given beside another one"),
             ("position_px = [1.0, 2.0]\nsnr = 0.0\n", "target[0].snr"),
             ("position_px = [1.0, 2.0]\nelectrons = 5.0\nbp_rp = 1.0\n", "target[0].bp_rp is given"),
             ("position_px = [1.0, 2.0]\nmag = 6.0\nturn_deg_s = 1.0\nacceleration_px_s2 = [1.0, 0.0]\n", "turn_deg_s"),

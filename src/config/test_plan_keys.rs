@@ -175,7 +175,7 @@ section! {
         id: String = Needed, "text";
         /// Its words.
         text: String = "", "text";
-        /// The metric, such as temporal_noise.x; src/guide/reports.md lists all.
+        /// The metric, such as temporal_noise.x; src/guide/metrics.md lists all.
         metric: String = Needed, "name of a metric";
         /// Largest magnitude that is met, in the metric's unit; this or least.
         most: f64 = Optional, Finite;

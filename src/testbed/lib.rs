@@ -1,5 +1,5 @@
-//! The other end of the cable. Shares no code with what it checks: depends on `base`, `link`, `stars` and
-//! `firmware_protocol` only, and of `stars` uses the catalog only.
+//! The other end of the cable. Shares no code with what it checks: depends on `base`, `histories`, `link`,
+//! `stars` and `firmware_protocol` only, and of `stars` uses the catalog only.
 
 /// Attitude control: modes, laws, slews past the Sun, and the loop on paper.
 pub mod acs;

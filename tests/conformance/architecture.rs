@@ -3,8 +3,8 @@
 use crate::source::root;
 use std::path::PathBuf;
 
-/// Four printed pages.
-const BYTES_MAX: usize = 16_000;
+/// Three printed pages.
+const BYTES_MAX: usize = 12_000;
 /// Fewest rows of "Where do I change".
 const PLACES_MIN: usize = 20;
 /// Most steps of the walk from link to frame.

@@ -5,7 +5,8 @@
 //! fence and applies to the whole block. Marked commands of a page run in order, in one empty folder, with `configs/` taken from
 //! the repository; so a later command may read what an earlier one wrote. Blocks marked
 //! `<!-- test with --features display -->` run in a build with that feature. Blocks marked `<!-- test in a shell -->` need more
-//! than the program: `hil_scripts/tests/test_recipes.py` runs them, and says how files and checks beside them are marked.
+//! than the program: `hil_scripts/tests/test_recipes.py` runs them, and says how files and checks beside them are marked. Blocks
+//! marked `<!-- in short: ... -->` are run by `hil_scripts/tests/test_in_short.py`.
 
 use crate::{pages::pages, source::root};
 use std::process::{Command, Output};
@@ -16,6 +17,8 @@ const MARK: &str = "<!-- test -->";
 const MARK_DISPLAY: &str = "<!-- test with --features display -->";
 /// Marks a block that hil_scripts/tests/test_recipes.py runs.
 const MARK_SHELL: &str = "<!-- test in a shell -->";
+/// Begins the mark of a block that hil_scripts/tests/test_in_short.py runs.
+const MARK_IN_SHORT: &str = "<!-- in short: ";
 const CALLS: &[&str] = &["cargo run --release -- ", "starloop "];
 /// Fewest pages with commands that run.
 const PAGES_MARKED_MIN: usize = 4;
@@ -41,7 +44,7 @@ fn calls(document: &str) -> Vec<Call> {
     while let Some(line) = lines.next() {
         if let Some(language) = line.trim().strip_prefix("```") {
             let block: Vec<_> = lines.by_ref().take_while(|line| line.trim() != "```").collect();
-            if language == "console" && last_text != MARK_SHELL {
+            if language == "console" && last_text != MARK_SHELL && !last_text.starts_with(MARK_IN_SHORT) {
                 calls.extend(commands(&block).into_iter().filter_map(|command| call(command, is_mark(last_text))));
             }
             last_text = "";
@@ -196,6 +199,11 @@ $ starloop hidden
 <!-- test in a shell -->
 ```console
 $ starloop bus &
+```
+<!-- in short: 0 -->
+```console
+$ starloop run & wait
+ok: ...
 ```
 ";
 

@@ -1,5 +1,5 @@
-//! `src/guide/events.md` has every event of the ledger, as the program describes it, and every column of the tables
-//! that a run writes.
+//! `src/guide/events.md` has every event of the ledger, as the program describes it, and `src/guide/tables.md` every column
+//! of the tables that a run writes.
 //!
 //! The table of events is written from the program: when they differ, the new page is left in `target/guide`. Columns
 //! are described by hand, and each must have a row.
@@ -9,6 +9,7 @@ use run::runtime::EventKind;
 use std::{path::Path, process::Command};
 
 const PAGE: &str = "src/guide/events.md";
+const TABLES: &str = "src/guide/tables.md";
 const START: &str = "<!-- events: written from the program -->\n";
 const END: &str = "<!-- end of events -->\n";
 
@@ -27,7 +28,7 @@ fn written(page: &str, table: &str) -> Option<String> {
 
 /// Returns the columns of a file that have no row in the page, under the heading of the file.
 fn undescribed(page: &str, file: &str, header: &str) -> Vec<String> {
-    let heading = format!("### {file}\n");
+    let heading = format!("## {file}\n");
     let section = page.split_once(&heading).map_or("", |(_, rest)| rest);
     let section = section.split("\n#").next().unwrap_or_default();
     let described: Vec<&str> = section
@@ -100,7 +101,7 @@ fn every_column_of_a_run_is_in_the_guide() {
     starloop(&[&flown[..], &["--out", "flown"]].concat(), folder.path());
     let timed = ["run", "benches/loopback.toml", "--duration", "0.5", "--sink", "null", "--out", "timed"];
     starloop(&[&timed[..], &["--report", "report"]].concat(), folder.path());
-    let page = std::fs::read_to_string(root().join(PAGE)).unwrap();
+    let page = std::fs::read_to_string(root().join(TABLES)).unwrap();
     let files = ["flown/telemetry.csv", "report/frames_timing.csv"].map(|path| folder.path().join(path));
     let printed = |arguments: &[&str]| {
         let output = Command::new(env!("CARGO_BIN_EXE_starloop")).args(arguments).output().unwrap();
@@ -117,12 +118,12 @@ fn every_column_of_a_run_is_in_the_guide() {
         .flat_map(|path| undescribed(&page, path.file_name().unwrap().to_str().unwrap(), &first_line(path)))
         .chain(in_others)
         .collect();
-    assert!(found.is_empty(), "{PAGE} does not describe these columns:\n{}", found.join("\n"));
+    assert!(found.is_empty(), "{TABLES} does not describe these columns:\n{}", found.join("\n"));
 }
 
 #[test]
 fn undescribed_columns_are_noticed() {
-    let page = "### a.csv\n\n| column |\n|---|\n| `x`, `y` | - |\n\n### b.csv\n| `z` | - |\n";
+    let page = "## a.csv\n\n| column |\n|---|\n| `x`, `y` | - |\n\n## b.csv\n| `z` | - |\n";
     assert_eq!(undescribed(page, "a.csv", "x,y"), Vec::<String>::new());
     assert_eq!(undescribed(page, "a.csv", "x,y,z"), ["a.csv: z"]);
     assert_eq!(undescribed(page, "c.csv", "x"), ["c.csv: x"]);

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test stops at the first surprise: unreadable sources are one")]
 
 mod architecture;
+mod book;
 mod command_table;
 mod commands;
 mod crates;
@@ -17,5 +18,6 @@ mod pages;
 mod quoted_messages;
 mod source;
 mod test_lists;
+mod verdict_words;
 mod whole_files;
 mod words;

@@ -16,27 +16,29 @@ fn symptoms(page: &str) -> Vec<&str> {
 }
 
 /// Returns the texts of the program that a symptom quotes.
-fn quoted(symptom: &str) -> impl Iterator<Item = &str> {
+pub(crate) fn quoted(symptom: &str) -> impl Iterator<Item = &str> {
     let quotes = symptom.split('`').skip(1).step_by(2);
     quotes.flat_map(|quote| quote.split("...")).map(str::trim).filter(|piece| !piece.is_empty())
 }
 
 /// Returns a source with strings that go on in the next line joined.
-fn joined(text: &str) -> String {
+pub(crate) fn joined(text: &str) -> String {
     let mut pieces = text.split("\\\n");
     let first = pieces.next().unwrap_or_default().to_owned();
     pieces.fold(first, |text, piece| text + piece.trim_start())
 }
 
+/// Returns whether a source has a text, as it is or with its quotes escaped.
+pub(crate) fn is_said(piece: &str, sources: &[String]) -> bool {
+    let escaped = piece.replace('"', "\\\"");
+    sources.iter().any(|source| source.contains(piece) || source.contains(&escaped))
+}
+
 /// Returns the rows that quote nothing, and the quoted texts that no source has.
 fn breaches(page: &str, sources: &[String]) -> Vec<String> {
-    let is_there = |piece: &str| {
-        let escaped = piece.replace('"', "\\\"");
-        sources.iter().any(|source| source.contains(piece) || source.contains(&escaped))
-    };
     let of_row = |symptom: &&str| {
         let missing: Vec<_> =
-            quoted(symptom).filter(|piece| !is_there(piece)).map(|piece| format!("`{piece}`")).collect();
+            quoted(symptom).filter(|piece| !is_said(piece, sources)).map(|piece| format!("`{piece}`")).collect();
         let is_empty = quoted(symptom).next().is_none();
         if is_empty { vec![format!("a row that quotes nothing: {symptom}")] } else { missing }
     };

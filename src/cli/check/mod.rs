@@ -265,7 +265,7 @@ fn describe(
             .map(|effect| format!("{} {:+.0} %", effect.name, 100.0 * effect.share))
             .collect();
     if !effects.is_empty() {
-        let readout_ms = camera_params.predicted_readout_ms(&params.cost.unwrap_or_else(|| imager.cost));
+        let readout_ms = camera_params.predicted_readout_ms(&params.cost.unwrap_or(imager.cost));
         facts.fact("detector", format_args!("{readout_ms:.2} ms predicted, with {}", effects.join(", ")));
     }
     let budget = &params.budget;

@@ -23,11 +23,11 @@ use base::time::Tai;
 use batch::campaign::{check_time_for_faults, episode_scenario};
 use config::{Bench, Carrier, Document, Link, Scenario, Setting, StartTime};
 use core::sync::atomic::{AtomicBool, Ordering};
-use frames::report::{HygieneLine, RunSummary};
+use frames::report::{HygieneLine, Losses, RunSummary};
 use link::{WireFormat, capture::CaptureFormat};
 use run::runtime::{Hygiene, HygieneParams, Imager};
 use run::wiring::assemble::{Outputs, Run, RunOptions};
-use run::wiring::forty_two::{self, Driven, FortyTwo};
+use run::wiring::forty_two::{self, FortyTwo};
 use run::wiring::memory::{RunForm, RunMemory};
 use run::wiring::taps::{CaptureOptions, LiveOptions};
 use run::{wiring::sinks::run_directory, wiring::verdict::CutShort};
@@ -126,15 +126,10 @@ pub(crate) fn perform(arguments: &RunArgs) -> Result<Finished> {
     let mut wall = Stopwatch::start();
     let monitor = Monitor::start(say)?;
     let mut progress = sender(monitor.updates.clone(), run.numbers(), run.frames());
-    let mut is_plant_gone = false;
     let Controlled { mut end, client } = match (listener, steering) {
         (None, _) => {
             let end = match plant {
-                Some(plant) => {
-                    let Driven { end, is_gone } = plant.drive(run, &stop, &mut progress)?;
-                    is_plant_gone = is_gone;
-                    end
-                }
+                Some(plant) => plant.drive(run, &stop, &mut progress)?,
                 None => run.fly(&stop, &mut progress)?,
             };
             Controlled { end, client: None }
@@ -150,24 +145,35 @@ pub(crate) fn perform(arguments: &RunArgs) -> Result<Finished> {
     }
     let asked_to_finish = client.as_ref().is_some_and(|client| client.asked_to_finish());
     let was_interrupted = stop.load(Ordering::SeqCst) && !asked_to_finish && !end.was_over;
-    let is_gone = is_plant_gone || client.as_ref().is_some_and(Client::is_gone) && !is_real;
+    let is_gone = client.as_ref().is_some_and(Client::is_gone) && !is_real;
     // A run that its client let come to its end has no frames still to come.
     let was_finished = asked_to_finish && end.simulated_s < (end.times.end - end.times.zero).s();
     end.cut_short = match (was_finished, was_interrupted, is_gone) {
         (true, _, _) => Some(CutShort::Finished),
         (false, true, _) => Some(CutShort::Interrupted),
         (false, false, true) => Some(CutShort::ClientGone),
-        (false, false, false) => None,
+        (false, false, false) => end.cut_short,
     };
-    let telemetry = telemetry.map(|file| file.finish(&title(&scenario))).transpose();
+    finish_files(telemetry, directory.as_deref(), (&document, arguments), &scenario, &mut end.losses);
+    Ok(Finished { scenario, end, client, wall_s, was_interrupted, directory })
+}
+
+/// Finishes the files of the run's folder; what cannot be written is a loss.
+fn finish_files(
+    telemetry: Option<TelemetryFile>,
+    directory: Option<&Path>,
+    (document, arguments): (&Document, &RunArgs),
+    scenario: &Scenario,
+    losses: &mut Losses,
+) {
+    let telemetry = telemetry.map(|file| file.finish(&title(scenario))).transpose();
     telemetry.unwrap_or_else(|error| {
-        end.losses.note_file("telemetry.csv", format!("{error:#}"));
+        losses.note_file("telemetry.csv", format!("{error:#}"));
         None
     });
-    if let Some(directory) = &directory {
-        provenance::keep(directory, (&document, &arguments.settings), &scenario, &mut end.losses);
+    if let Some(directory) = directory {
+        provenance::keep(directory, (document, &arguments.settings), scenario, losses);
     }
-    Ok(Finished { scenario, end, client, wall_s, was_interrupted, directory })
 }
 
 /// Returns whether 42 drives the clock of the run.
@@ -266,12 +272,18 @@ fn directory(scenario: &Scenario, arguments: &RunArgs) -> Result<Option<PathBuf>
     Ok(directory)
 }
 
-/// Removes the new folder of a run that could not begin, if nothing or an empty table is in it.
+/// Removes the new folder of a run that could not begin, if nothing or only empty tables and folders are in it.
 fn leave_nothing(folder: Option<&Path>) {
     let Some(folder) = folder else { return };
-    let table = folder.join("frames.csv");
-    if table.metadata().is_ok_and(|table| table.len() == 0) {
-        let _ = std::fs::remove_file(&table); // what stays is seen by the next line
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let path = entry.path();
+        match path.symlink_metadata() {
+            Ok(about) if about.is_dir() => leave_nothing(Some(&path)),
+            Ok(about) if about.is_file() && about.len() == 0 && entry.file_name() == "frames.csv" => {
+                let _ = std::fs::remove_file(&path); // what stays is seen below
+            }
+            Ok(_) | Err(_) => {}
+        }
     }
     let _ = std::fs::remove_dir(folder); // refused where anything is in it
 }
@@ -452,5 +464,23 @@ mod tests {
             let error = run(&arguments(&words)).unwrap_err().to_string();
             assert!(parts.iter().all(|part| error.contains(part)), "{words:?}: {error}");
         }
+    }
+
+    #[test]
+    fn the_folder_of_a_run_that_could_not_begin_is_removed_with_those_of_its_heads() {
+        let base = tempfile::tempdir().unwrap();
+        let run = base.path().join("run");
+        let tables = ["head0/frames.csv", "head1/extra_sink_0/frames.csv"].map(|table| run.join(table));
+        let write = |table: &PathBuf, text: &str| {
+            std::fs::create_dir_all(table.parent().unwrap()).unwrap();
+            std::fs::write(table, text).unwrap();
+        };
+        tables.iter().for_each(|table| write(table, ""));
+        leave_nothing(Some(&run));
+        assert!(!run.exists());
+        write(&tables[0], "frame\n");
+        write(&tables[1], "");
+        leave_nothing(Some(&run));
+        assert!(tables[0].exists() && !tables[1].exists(), "control: a table with a line stays");
     }
 }

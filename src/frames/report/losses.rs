@@ -1,7 +1,8 @@
 //! Losses of a run that reached its end: a list for the summary, one line for people, an exit status for scripts.
 //!
-//! A frame that a sink did not take, a file of the run that could not be written, a capture that is not whole, a thread
-//! that ended early. A run that was cut short by an error is another matter: its error says so.
+//! A frame that a sink did not take, or that a client of a gateway read too slowly; a file of the run that could not be
+//! written, a capture that is not whole, a thread that ended early. A run that was cut short by an error is another
+//! matter: its error says so.
 
 use crate::report::sink_line::SinkLine;
 use core::fmt;
@@ -20,6 +21,8 @@ base::words! {
         Capture = "capture",
         /// A thread that ended before the run did.
         Thread = "thread",
+        /// Frames of the bus that a client of a gateway read too slowly.
+        Gateway = "gateway",
     }
 }
 
@@ -45,6 +48,15 @@ impl Losses {
     /// Lists the sinks that did not take every frame, or failed in another way.
     pub fn of_sinks(rows: &[SinkLine]) -> Self {
         Self(rows.iter().filter_map(of_sink).collect())
+    }
+
+    /// Adds a gateway whose client read too slowly for some of the frames of the bus, if any.
+    pub fn note_gateway(&mut self, name: &str, dropped: u64, to_clients: u64) {
+        if dropped > 0 {
+            let of = dropped + to_clients;
+            let detail = format!("{dropped} of {of} frames of the bus dropped, which its client read too slowly");
+            self.note(LossLine { part: LostPart::Gateway, name: name.into(), count: dropped, detail });
+        }
     }
 
     /// Adds one loss.
@@ -138,6 +150,17 @@ mod tests {
         assert_eq!((first.name.as_str(), first.part), ("extra_sink[0] (recorder)", LostPart::Sink));
         assert_eq!(first.detail, "10 of 50 frames dropped");
         assert_eq!(losses.lines()[1].detail, "0 of 43 frames dropped, 3 refused, first failure: no space");
+    }
+
+    #[test]
+    fn frames_that_a_gateways_client_read_too_slowly_are_a_loss() {
+        let mut losses = Losses::default();
+        losses.note_gateway("slcan (TCP)", 0, 5678);
+        assert!(losses.is_empty(), "control");
+        losses.note_gateway("socketcand", 9, 5678);
+        let line = &losses.lines()[0];
+        assert_eq!((line.part, line.count, line.name.as_str()), (LostPart::Gateway, 9, "socketcand"));
+        assert!(line.detail.starts_with("9 of 5687 frames of the bus dropped"), "{line:?}");
     }
 
     #[test]

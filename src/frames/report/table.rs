@@ -12,8 +12,8 @@ const NAME_WIDTH: usize = 22;
 /// Width of a column of numbers.
 const NUMBER_WIDTH: usize = 11;
 
-/// Packets that are not refused messages: they are of other nodes of a shared bus.
-const FOREIGN: [&str; 1] = ["UnknownId"];
+/// Count of messages of other nodes of a shared bus, of each port.
+const FOREIGN: &str = "messages_of_other_nodes";
 /// Time marks of accepted messages that the clock's estimate leaves out.
 const MARKS: [&str; 2] = ["late_time_mark", "outlier_time_mark"];
 
@@ -45,8 +45,9 @@ pub fn short_table(s: &RunSummary) -> String {
     ];
     let counts: Vec<String> = counts.iter().filter(|(_, n)| *n > 0).map(|(name, n)| format!(", {n} {name}")).collect();
     let named = |names: &[&str]| names.iter().filter_map(|name| s.link.rejects.get(*name)).sum::<u64>();
-    let (foreign, unused) = (named(&FOREIGN), named(&MARKS));
-    let rejected = s.link.rejects.values().sum::<u64>() - foreign - unused;
+    let of_others = s.link.counters.iter().filter(|(name, _)| name.ends_with(FOREIGN));
+    let (foreign, unused) = (of_others.map(|(_, count)| *count).sum(), named(&MARKS));
+    let rejected = s.link.rejects.values().sum::<u64>() - unused;
     let others = [(foreign, "of other nodes"), (unused, "time marks unused")];
     let others: Vec<String> = others.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!(", {n} {what}")).collect();
     let others = others.concat();
@@ -411,14 +412,18 @@ mod tests {
     fn foreign_packets_and_unused_marks_are_no_refused_messages() {
         let mut summary = sample_summary();
         summary.link.rejects.clear();
-        for (name, count) in [("BadCrc", 4), ("UnknownId", 75_584), ("outlier_time_mark", 2), ("late_time_mark", 1)] {
+        for (name, count) in [("BadCrc", 4), ("outlier_time_mark", 2), ("late_time_mark", 1)] {
             summary.link.rejects.insert(name.into(), count);
+        }
+        for (name, count) in [("messages_of_other_nodes", 75_580), ("port_1_messages_of_other_nodes", 4)] {
+            summary.link.counters.insert(name.into(), count);
         }
         let text = short_table(&summary);
         let line = line_of(&text, "attitudes");
         assert!(line.contains("4 messages refused, 75584 of other nodes, 3 time marks unused;"), "{line}");
         assert!(line_of(&text, "socketcand").contains("dropped 9 frames"), "{text}");
         summary.link.rejects.clear();
+        summary.link.counters.clear();
         summary.gateways.clear();
         let text = short_table(&summary);
         assert!(line_of(&text, "attitudes").contains("0 messages refused;") && !text.contains("socketcand"), "{text}");

@@ -14,7 +14,7 @@ use crate::report::SinkLine;
 use crate::sink::line::{Loss, LossKind};
 use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
 use base::patience::{self, LOOK, Patience, QUEUE_LOOK};
-use base::{clock::Stopwatch, time::Span};
+use base::{clock::Stopwatch, refused::Refused, time::Span};
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, bounded};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::thread::JoinHandle;
@@ -92,7 +92,10 @@ impl Branch {
         let thread = std::thread::Builder::new()
             .name(name.into())
             .spawn(move || carrier.carry(&to_send, &sent))
-            .map_err(|source| SinkError::Thread { sink: name, source })?;
+            .map_err(|error| {
+                let advice = "try fewer sinks, or a higher limit of threads";
+                Refused(format!("the thread of the {name} sink cannot be started: {error}; {advice}"))
+            })?;
         let (full, thread) = (Some(full), Some(thread));
         let bytes = 2.0 * (prototype.image.width() * prototype.image.height()) as f64;
         let slow_frame = Span::from_s(bytes / SLOW_BYTES_PER_S);

@@ -1,6 +1,6 @@
 //! Errors of the sinks.
 
-use base::time::Span;
+use base::{refused::Refused, time::Span};
 use std::{io, path::PathBuf};
 
 /// A frame or file that did not get out, or a recording that cannot be read back.
@@ -99,25 +99,6 @@ pub enum SinkError {
         /// The file.
         path: PathBuf,
     },
-    /// A failure of iceoryx2.
-    #[error(
-        "iceoryx2 service \"{service}\": {why}; wanted a service that no other run publishes, of frames of starloop, and \
-         memory for it: try another name, or ending the readers of an earlier run"
-    )]
-    Iceoryx {
-        /// The service.
-        service: String,
-        /// Reason given by iceoryx2.
-        why: String,
-    },
-    /// The thread of a sink cannot be started.
-    #[error("the thread of the {sink} sink cannot be started: {source}; try fewer sinks, or a higher limit of threads")]
-    Thread {
-        /// The sink's name.
-        sink: &'static str,
-        /// The system's reason.
-        source: io::Error,
-    },
     /// A sink that has broken down.
     #[error("the {sink} sink has broken down and takes no more frames; the other sinks go on")]
     Lost {
@@ -135,14 +116,6 @@ pub enum SinkError {
         sink: &'static str,
         /// Time that was waited.
         patience: Span,
-    },
-    /// A device that took its frames, but not all that belongs to them.
-    #[error("the {sink} sink ended with a failure: {source}")]
-    Unfinished {
-        /// The sink's name.
-        sink: &'static str,
-        /// Error reported by the device's own module.
-        source: Box<dyn std::error::Error + Send + Sync>,
     },
     /// A device that did not take a frame.
     #[error("frame {frame} did not get out by the {sink} sink: {source}")]
@@ -174,18 +147,9 @@ pub enum SinkError {
         /// Contents that were found.
         got: String,
     },
-    /// A table (truth or frame log) that does not have the promised columns or values.
-    #[error("{table}, line {line}: wanted {wanted}, got {got}")]
-    BadTable {
-        /// Name of the table.
-        table: &'static str,
-        /// Line in the file, the header being 1.
-        line: u64,
-        /// Contents that are readable.
-        wanted: &'static str,
-        /// Contents that were found.
-        got: String,
-    },
+    /// A refusal that is only a sentence.
+    #[error(transparent)]
+    Refused(#[from] Refused),
 }
 
 /// Returns how a person can fix an I/O error.

@@ -41,7 +41,7 @@ impl Fan {
     /// allocation.
     ///
     /// # Errors
-    /// [`SinkError::Thread`] when a thread cannot be started.
+    /// When a thread cannot be started.
     pub fn start(
         sinks: impl IntoIterator<Item = BranchParams>,
         prototype: &SentFrame,

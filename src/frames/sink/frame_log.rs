@@ -5,6 +5,7 @@
 
 use crate::sink::SinkError;
 use crate::sink::facts::{Column, FactSource, Scalar, TABLE};
+use base::refused::Refused;
 use serde::{Serialize, Serializer, de::DeserializeOwned};
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Write};
@@ -112,13 +113,11 @@ fn cut_back(file: &mut File, length: u64) -> io::Result<()> {
 /// of the table of facts.
 ///
 /// # Errors
-/// [`SinkError::BadTable`] with the line that is not as written by [`FrameLog`].
+/// A refusal with the line that is not as written by [`FrameLog`].
 pub fn read_frame_log<Row: DeserializeOwned>(input: impl Read) -> Result<Vec<Row>, SinkError> {
-    let bad = |e: csv::Error| SinkError::BadTable {
-        table: "frames.csv",
-        line: e.position().map_or(0, csv::Position::line),
-        wanted: "the columns of FrameRow",
-        got: e.to_string(),
+    let bad = |e: csv::Error| {
+        let line = e.position().map_or(0, csv::Position::line);
+        Refused(format!("frames.csv, line {line}: wanted the columns of FrameRow, got {e}")).into()
     };
     csv::Reader::from_reader(input).into_deserialize().map(|row| row.map_err(bad)).collect()
 }

@@ -14,6 +14,7 @@
 use crate::sink::line::Tally;
 use crate::sink::shared_memory::{SlotHead, slot_head};
 use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
+use base::refused::Refused;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::prelude::{BackpressureStrategy, NodeBuilder, SignalHandlingMode, ipc_threadsafe};
 
@@ -34,12 +35,12 @@ impl Iceoryx {
     /// Opens the service, or makes it, for frames of `size_px` (columns, rows); a reader may be `slots` frames behind.
     ///
     /// # Errors
-    /// [`SinkError::Iceoryx`] with what iceoryx2 says: another run publishes there, a reader made the service of another
+    /// With what iceoryx2 says: another run publishes there, a reader made the service of another
     /// kind, or the memory is not there.
     pub fn create(service: String, size_px: [usize; 2], slots: u32) -> Result<Self, SinkError> {
         match publisher(&service, size_px, slots) {
             Ok(publisher) => Ok(Self { service, size_px, publisher, serial: 0, bytes: 0, tally: Tally::default() }),
-            Err(why) => Err(SinkError::Iceoryx { service, why }),
+            Err(why) => Err(refused(&service, &why)),
         }
     }
 
@@ -79,6 +80,12 @@ fn publisher(
     publisher.create().map_err(|why| why.to_string())
 }
 
+fn refused(service: &str, why: &str) -> SinkError {
+    let wanted = "a service that no other run publishes, of frames of starloop, and memory for it";
+    let advice = "try another name, or ending the readers of an earlier run";
+    Refused(format!("iceoryx2 service \"{service}\": {why}; wanted {wanted}: {advice}")).into()
+}
+
 impl Sink for Iceoryx {
     fn name(&self) -> &'static str {
         "iceoryx2"
@@ -93,7 +100,7 @@ impl Sink for Iceoryx {
         }
         if let Err(why) = self.publish(frame) {
             self.tally.refuse();
-            return Err(SinkError::Iceoryx { service: self.service.clone(), why });
+            return Err(refused(&self.service, &why));
         }
         self.bytes += (size_of::<SlotHead>() + size_of_val(frame.image.pixels())) as u64;
         self.tally.take(self.name(), frame)

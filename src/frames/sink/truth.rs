@@ -5,6 +5,7 @@
 
 use crate::sink::SinkError;
 use crate::sink::frame::{TruthKind, TruthStar};
+use base::refused::Refused;
 use core::fmt;
 use std::io::{self, Read, Write};
 
@@ -98,7 +99,7 @@ pub fn write_truth(mut out: impl Write, stars: &[TruthStar]) -> io::Result<()> {
 /// Reads a truth table back.
 ///
 /// # Errors
-/// [`SinkError::BadTable`] with the line when the header or a value is not as written by [`write_truth`].
+/// A refusal with the line when the header or a value is not as written by [`write_truth`].
 pub fn read_truth(input: impl Read) -> Result<Vec<TruthStar>, SinkError> {
     let mut reader = csv::Reader::from_reader(input);
     let header = reader.headers().map_err(|e| bad(1, "a header", &e.to_string()))?;
@@ -146,7 +147,7 @@ fn line_of(error: &csv::Error) -> u64 {
 }
 
 fn bad(line: u64, wanted: &'static str, got: &str) -> SinkError {
-    SinkError::BadTable { table: "truth table", line, wanted, got: got.into() }
+    Refused(format!("truth table, line {line}: wanted {wanted}, got {got}")).into()
 }
 
 #[cfg(test)]

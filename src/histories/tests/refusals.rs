@@ -55,6 +55,8 @@ fn attitude_messages_are_refused_with_line_and_reason() {
     }
     refused_attitude("", &["0 rows"]);
     refused_attitude("CCSDS_OEM_VERS = 2.0\n", &[":1:", "CCSDS_AEM_VERS"]);
+    refused_attitude("CCSDS_AEM_VERS = 2.0\n", &["no segment", "wanted META_START"]);
+    refused_attitude("CCSDS_AEM_VERS = 2.0\nMETA_START\nOBJECT_NAME = X\n", &["META_STOP"]);
     let second = AEM_2.split_once("META_START").unwrap().1;
     refused_attitude(&format!("{AEM_2}META_START{second}"), &["segment 2", "do not overlap"]);
     let other = second.replace("T00:00:", "T00:01:").replace("2026-001A", "2026-002B");
@@ -84,7 +86,7 @@ fn tables_are_refused_with_line_and_reason() {
         ("t_s,q_w,q_x,q_y\n0,1,0,0\n", [":1:", "q1,q2,q3,q4"]),
         ("when,w,x,y,z\n0,1,0,0,0\n", [":1:", "a column of time"]),
         ("t_s,w,x,y,z\n0,1,0,0\n", [":2:", "5 values in a row"]),
-        ("t_s,w,x,y,z\n0,1,0,0,x\n", [":2:", "column 5"]),
+        ("t_s,w,x,y,z\n0,1,0,0,x\n", [":2: got \"x\"", "a finite number in column 5"]),
         ("t_s,w,x,y,z\n1e300,1,0,0,0\n", [":2:", "fewer than 5e9"]),
         ("tai_ns,w,x,y,z\n9200000000000000000,1,0,0,0\n", [":2:", "1682 to 2258"]),
         ("t_s,w,x,y,z,w_x,w_y,w_z\n", [":1:", "a unit in the rate's names"]),
@@ -119,6 +121,7 @@ fn orbits_are_refused_with_line_and_reason() {
     refused_orbit(&oem(1, 60.0), &["1 rows", "two at least"]);
     refused_orbit("t_s,x_km,y_km,z_km,vx_km_s,vy_km_s,vz_km_s\n", &[":1:", "absolute times"]);
     refused_orbit("utc,x_km,y_km\n", &[":1:", "a column z_km"]);
+    refused_orbit("utc,x_km,y_km,z_km\n", &[":1:", "vx_km_s"]);
     refused_orbit("1 2 3\n", &[":1:", "names of columns"]);
 }
 
@@ -140,6 +143,8 @@ fn stk_files_are_refused_with_line_and_reason() {
     ] {
         refused_attitude(&file.replacen(from, to, 1), &parts);
     }
+    let bare = "stk.v.11.0\nBEGIN Attitude\nNumberOfAttitudePoints 2\nEND Attitude\n";
+    refused_attitude(bare, &["wanted", "AttitudeTime"]);
 }
 
 #[test]

@@ -11,7 +11,7 @@
 //! `tests/physics/detector_spatial.rs`.
 
 use crate::detector::Effect;
-use crate::detector::effect::{FrameAt, NeighbourStage};
+use crate::detector::effect_order::{FrameAt, NeighbourStage};
 use base::image::{DnImage, Image};
 use rayon::prelude::*;
 use std::sync::Arc;

@@ -13,7 +13,7 @@
 //! [`FullWell`](crate::detector::Effect::FullWell) is this stage when blooming is on, and a plain clip when it is off.
 
 use crate::detector::Effect;
-use crate::detector::effect::{FrameAt, NeighbourStage};
+use crate::detector::effect_order::{FrameAt, NeighbourStage};
 use base::image::Image;
 
 /// Loss and spilling of charge above the full well.

@@ -11,7 +11,7 @@
 //! Tests below compare it with a simulation of all transfers, one by one.
 
 use crate::detector::Effect;
-use crate::detector::effect::{FrameAt, NeighbourStage};
+use crate::detector::effect_order::{FrameAt, NeighbourStage};
 use base::image::Image;
 use rayon::prelude::*;
 

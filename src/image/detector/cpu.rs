@@ -3,7 +3,7 @@
 //! limit the pass that reads out; charge is made and moved in the whole image, where it comes from anywhere.
 
 use crate::detector::conditions::{Constants, DetectorConditions};
-use crate::detector::effect::{FrameAt, NeighbourStage, ORDER, Part, effects_of};
+use crate::detector::effect_order::{FrameAt, NeighbourStage, ORDER, Part, effects_of};
 use crate::detector::pattern::{PatternSizeError, Patterns};
 use crate::detector::stages::{ChargeToDn, Mean, MeanToCharge, MeanToDn, Stages};
 use crate::detector::{DetectorParams, Effect, neighbours};

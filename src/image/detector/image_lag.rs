@@ -9,7 +9,7 @@
 //! traps whose share depends on signal are not modelled.
 
 use crate::detector::Effect;
-use crate::detector::effect::{FrameAt, NeighbourStage};
+use crate::detector::effect_order::{FrameAt, NeighbourStage};
 use base::image::Image;
 
 /// Share of the charge that stays.

@@ -1,4 +1,4 @@
-//! Electrons -> digital numbers: a file for each effect (full well and ADC share one), one ordered list of stages.
+//! Electrons -> digital numbers: a file for each effect (full well and ADC share one), one ordered list (`effect_order`).
 //!
 //! In: mean electrons per pixel. Out: u16 DN. Random numbers are Philox words keyed by (seed, frame, pixel, stage),
 //! with one seed for the sensor and one for the noise ([`Seeds`]): any frame, and any pixel of it, can be replayed
@@ -17,7 +17,7 @@ pub mod dark_current;
 pub mod defects;
 mod detector_pattern;
 pub mod disturbances;
-pub mod effect;
+pub mod effect_order;
 pub mod elementary;
 pub mod gpu;
 pub mod image_lag;
@@ -42,7 +42,7 @@ pub use background::Background;
 pub use conditions::DetectorConditions;
 pub use cpu::Detector;
 pub use dark_current::DarkLaw;
-pub use effect::{Effect, ORDER};
+pub use effect_order::{Effect, ORDER};
 pub use line_pattern::LinePattern;
 pub use nonlinearity::Nonlinearity;
 pub use params::{DetectorParams, Rounding, SpatialParams};

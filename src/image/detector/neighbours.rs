@@ -5,7 +5,7 @@
 //! [`stages`], never in a frame. [`crate::detector::gpu::neighbours`] has the same list on a device.
 
 use crate::detector::binning::{Binning, BinningKind, ChargeBinningStage};
-use crate::detector::effect::{FrameAt, NeighbourStage};
+use crate::detector::effect_order::{FrameAt, NeighbourStage};
 use crate::detector::{DetectorParams, Effect, readout};
 use crate::detector::{blooming::BloomingStage, charge_transfer::ChargeTransferStage, image_lag::ImageLagStage};
 use base::image::Image;

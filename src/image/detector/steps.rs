@@ -3,7 +3,7 @@
 use crate::detector::block::{BLOCK, Words};
 use crate::detector::poisson::{BlockPlace, draw_by};
 use crate::detector::{dark_current, line_pattern, nonlinearity, read_noise, readout};
-use crate::detector::{effect::Effect, outliers::Outlier, stages::Stages};
+use crate::detector::{effect_order::Effect, outliers::Outlier, stages::Stages};
 
 impl Stages<'_> {
     /// Applies the step of one effect to a block of pixels that begins at pixel `first`.

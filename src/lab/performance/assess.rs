@@ -149,7 +149,7 @@ mod tests {
     use core::fmt::Write;
     use glam::DVec3;
 
-    const GUIDE: &str = include_str!("../../guide/reports.md");
+    const GUIDE: &str = include_str!("../../guide/metrics.md");
 
     /// Returns the table of the guide.
     fn metric_table() -> String {
@@ -200,7 +200,7 @@ mod tests {
 
     #[test]
     fn the_guide_has_the_table_of_metrics() {
-        assert!(GUIDE.contains(&metric_table()), "put this into src/guide/reports.md:\n{}", metric_table());
+        assert!(GUIDE.contains(&metric_table()), "put this into src/guide/metrics.md:\n{}", metric_table());
     }
 
     #[test]

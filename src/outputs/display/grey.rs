@@ -27,7 +27,7 @@ impl GreyTable {
     /// When there are fewer than 4096 or more than 65536 entries, or `bits` is neither 8 nor 10, or an entry is not a
     /// number from 0 to `2^bits - 1`, or one is less than that before it.
     pub fn new(bits: u32, entries: Vec<f32>) -> Result<Self, DisplayError> {
-        let refuse = |wanted, got: String| Err(DisplayError::Table { wanted, got });
+        let refuse = |wanted: &str, got: String| Err(refused(wanted, got));
         if bits != 8 && bits != 10 {
             return refuse("8 or 10 bits", bits.to_string());
         }
@@ -58,7 +58,7 @@ impl GreyTable {
     /// When the power is not from 0.1 to 10, or `bits` is neither 8 nor 10.
     pub fn by_gamma(bits: u32, gamma: f64) -> Result<Self, DisplayError> {
         if !(0.1..=10.0).contains(&gamma) {
-            return Err(DisplayError::Table { wanted: "a gamma from 0.1 to 10", got: gamma.to_string() });
+            return Err(refused("a gamma from 0.1 to 10", gamma));
         }
         let most = f64::from(most_of(bits));
         let entries = (0..=u16::MAX).map(|i| (most * (f64::from(i) / 65_535.0).powf(1.0 / gamma)) as f32).collect();
@@ -158,6 +158,10 @@ impl core::fmt::Debug for GreyMaker {
         let Self { bits, changes_by_refresh, .. } = self;
         write!(f, "GreyMaker {{ bits: {bits}, changes_by_refresh: {changes_by_refresh} }}")
     }
+}
+
+fn refused(wanted: &str, got: impl core::fmt::Display) -> DisplayError {
+    DisplayError::refuse(format!("grey table: wanted {wanted}, got {got}"))
 }
 
 #[cfg(test)]

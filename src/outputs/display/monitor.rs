@@ -66,7 +66,7 @@ pub fn choose(monitors: &[MonitorFacts], choice: &MonitorChoice) -> Result<usize
     found.ok_or_else(|| {
         let names: Vec<String> = monitors.iter().map(MonitorFacts::to_string).collect();
         let found = if names.is_empty() { "none".into() } else { names.join("; ") };
-        DisplayError::NoMonitor { wanted: choice.to_string(), found }
+        DisplayError::refuse(format!("no monitor {choice}: found {found}; plug it in, or name one of these"))
     })
 }
 

@@ -1,6 +1,6 @@
 //! Luminances -> the greys of one refresh, marker patch included. Buffers are made once.
 
-use crate::display::error::DisplayError;
+use crate::display::error::{DisplayError, of};
 use crate::display::grey::{GreyMaker, Row};
 
 /// Greys as they are to be shown, row by row from the top.
@@ -77,7 +77,11 @@ impl Marker {
     /// When it is empty or does not fit.
     pub fn check(&self, image_px: [u32; 2]) -> Result<(), DisplayError> {
         if self.size_px == 0 || self.size_px > image_px[0].min(image_px[1]) {
-            return Err(DisplayError::MarkerSize { marker_px: self.size_px, image_px });
+            return Err(DisplayError::refuse(format!(
+                "a marker of {} px on frames of {} px: wanted 1 px up to the shorter side",
+                self.size_px,
+                of(image_px)
+            )));
         }
         Ok(())
     }

@@ -78,7 +78,7 @@ impl SubmitLog {
     /// When it is there already, or cannot be made.
     pub(super) fn create(path: &Path, latency: Option<Span>) -> Result<Self, DisplayError> {
         let made = File::create_new(path);
-        let file = made.map_err(|error| DisplayError::SubmitLog { path: path.into(), reason: error.to_string() })?;
+        let file = made.map_err(|error| unwritten(path, &error.to_string()))?;
         Ok(Self::into(Box::new(file), path, latency))
     }
 
@@ -107,8 +107,15 @@ impl SubmitLog {
     pub(super) fn finish(&mut self) -> Result<(), DisplayError> {
         let flushed = self.out.flush().map_err(|error| error.to_string());
         let failure = self.failure.take().or(flushed.err());
-        failure.map_or(Ok(()), |reason| Err(DisplayError::SubmitLog { path: self.path.clone(), reason }))
+        failure.map_or(Ok(()), |reason| Err(unwritten(&self.path, &reason)))
     }
+}
+
+fn unwritten(path: &Path, reason: &str) -> DisplayError {
+    let path = path.display();
+    DisplayError::refuse(format!(
+        "submit times cannot be written to {path}: {reason}; wanted a new file, and free space"
+    ))
 }
 
 // When a frame was handed to the graphics driver.

@@ -39,7 +39,7 @@ mod truth;
 mod view;
 
 pub use numbers::Numbers;
-pub use server::{CLIENTS_MAX, LiveError};
+pub use server::CLIENTS_MAX;
 pub use sink::LiveSink;
 pub use view::{LINGER, LiveView};
 

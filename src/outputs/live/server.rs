@@ -8,12 +8,11 @@
 //! all its clients, so their memory is bounded by seats times one picture. Tests: `http_tests`.
 
 use crate::live::route::{SharedBoard, answer, lock};
-use base::refused::Refused;
 use hyper::{Request, body::Incoming, server::conn::http1, service::service_fn};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use rustix::net::sockopt::set_socket_send_buffer_size;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::{collections::VecDeque, convert::Infallible, io, net::SocketAddr, time::Duration};
+use std::{collections::VecDeque, convert::Infallible, time::Duration};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{Notify, OwnedSemaphorePermit, Semaphore};
 use tokio::task::AbortHandle;
@@ -152,24 +151,4 @@ async fn attend(stream: TcpStream, board: SharedBoard, seat: OwnedSemaphorePermi
         lock(&board).served.clients_failed += 1;
     }
     drop(seat);
-}
-
-// Errors of the live view.
-
-/// A live view that could not be started.
-#[derive(Debug, thiserror::Error)]
-pub enum LiveError {
-    /// The live view cannot listen at the address.
-    #[error(
-        "the live view cannot listen at {address}: {source}; wanted an address of this machine and a free port: port 0 takes one"
-    )]
-    Listen {
-        /// The address asked for.
-        address: SocketAddr,
-        /// The system's reason.
-        source: io::Error,
-    },
-    /// A refusal in words.
-    #[error(transparent)]
-    Refused(#[from] Refused),
 }

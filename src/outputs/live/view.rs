@@ -3,9 +3,7 @@
 use crate::live::head::{Board, Head};
 use crate::live::kept::{Picture, latest};
 use crate::live::route::{SharedBoard, lock};
-use crate::live::{
-    HeadParams, LiveError, Params, lateness::LatenessBins, numbers::Numbers, server::serve, sink::LiveSink,
-};
+use crate::live::{HeadParams, Params, lateness::LatenessBins, numbers::Numbers, server::serve, sink::LiveSink};
 use base::{clock::Clock, refused::Refused, time::Span};
 use frames::sink::SentFrame;
 use std::net::{SocketAddr, TcpListener};
@@ -35,15 +33,20 @@ impl LiveView {
     ///
     /// # Errors
     /// When the list of heads is empty, when the address cannot be used, or when the thread cannot be started.
-    pub fn start(params: Params, clock: Arc<dyn Clock>) -> Result<(Self, Vec<LiveSink>, Numbers), LiveError> {
+    pub fn start(params: Params, clock: Arc<dyn Clock>) -> Result<(Self, Vec<LiveSink>, Numbers), Refused> {
         if params.heads.is_empty() {
-            return Err(LiveError::from(Refused("Params.heads of the live view: got an empty list, wanted at least one camera head; list every head of the run".to_owned())));
+            return Err(Refused("Params.heads of the live view: got an empty list, wanted at least one camera head; list every head of the run".to_owned()));
         }
-        let refused = |address| move |source| LiveError::Listen { address, source };
         let asked = params.address;
-        let listener = TcpListener::bind(asked).map_err(refused(asked))?;
-        listener.set_nonblocking(true).map_err(refused(asked))?;
-        let address = listener.local_addr().map_err(refused(asked))?;
+        let refused = |source: std::io::Error| {
+            Refused(format!(
+                "the live view cannot listen at {asked}: {source}; wanted an address of this machine and a free port: \
+                 port 0 takes one"
+            ))
+        };
+        let listener = TcpListener::bind(asked).map_err(refused)?;
+        listener.set_nonblocking(true).map_err(refused)?;
+        let address = listener.local_addr().map_err(refused)?;
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(|e| {
             Refused(format!("the live view's thread cannot be started: {e}; the run goes on without --monitor"))
         })?;

@@ -1,8 +1,9 @@
 //! The features of the camera in one table, in the order of the XML: name, meaning, address, access, kind, range, unit.
 //!
 //! The XML follows from it (`xml`), and so does what clients may write to the camera's own registers
-//! (`device::features`): the range, and whether frames must not be acquired meanwhile. A new feature takes an address
-//! before [`own::END`] and a row; what a write does beyond keeping the value is in `device::features`.
+//! (`device`): the range, and whether frames must not be acquired meanwhile. A new feature takes an address
+//! before [`own::END`] and a row; what a write does beyond keeping the value is in `device::camera`, a command to the
+//! camera in `device::commander`.
 
 #![allow(clippy::wildcard_enum_match_arm, reason = "a question about one kind of feature concerns no other kind")]
 

@@ -1,4 +1,4 @@
-//! What a receiver keeps for each head: its jitter, in the axes of its sensor, and inputs that every head takes by itself.
+//! State of one head in a receiver: its jitter, in the axes of its sensor, and inputs that every head takes by itself.
 //!
 //! In: jitter messages and wheel speeds, about the body's axes. Out: points in the jitter history of every head; refused
 //! ones are events. Allocates nothing after the start. Tests: `receiver_tests`, `tests/closed_loop/late_jitter.rs`.

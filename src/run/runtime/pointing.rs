@@ -21,7 +21,7 @@ pub(super) enum Shown {
     Nothing,
 }
 
-/// What is known of the line of sight of the latest frame.
+/// The line of sight of the latest frame.
 pub struct Pointing {
     /// Largest motion that the body may make, as far as it is in the attitude records, if known: with it the error of
     /// every frame's attitude has a bound.

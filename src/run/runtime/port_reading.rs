@@ -51,7 +51,7 @@ const ALL: [Count; COUNTS] = [
 // A counter that is added to a link must be added above.
 const _: () = assert!(size_of::<LinkCounters>() == (COUNTS - 2) * size_of::<u64>());
 // A watcher of the run has fields for all of them.
-const _: () = assert!(COUNTS <= NAMES_MAX && REASONS + PLAIN_REASONS <= NAMES_MAX);
+const _: () = assert!(COUNTS < NAMES_MAX && REASONS + PLAIN_REASONS <= NAMES_MAX);
 
 const fn always(name: &'static str, place: fn(&mut PortReading) -> &mut u64) -> Count {
     Count { name, is_always_reported: true, place }
@@ -60,6 +60,9 @@ const fn always(name: &'static str, place: fn(&mut PortReading) -> &mut u64) -> 
 const fn sometimes(name: &'static str, place: fn(&mut PortReading) -> &mut u64) -> Count {
     Count { name, is_always_reported: false, place }
 }
+
+/// Count of messages whose identifier is not the bench's: they are of other nodes of a shared bus.
+const OF_OTHER_NODES: &str = "messages_of_other_nodes";
 
 /// Counters of a port so far.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -98,9 +101,15 @@ impl PortReading {
         core::array::from_fn(|i| readings.iter().fold(0_u32, |sum, reading| sum.saturating_add(reading.rejects[i])))
     }
 
-    /// Returns each reason with its count.
+    /// Returns each reason to refuse a message with its count.
     pub fn rejects(&self) -> impl Iterator<Item = (Reject, u32)> + '_ {
-        Reject::ALL.into_iter().zip(self.rejects)
+        Reject::ALL.into_iter().zip(self.rejects).filter(|(reason, _)| *reason != Reject::UnknownId)
+    }
+
+    /// Returns the number of messages of other nodes: nothing is wrong with them.
+    pub fn of_other_nodes(&self) -> u64 {
+        let counts = Reject::ALL.into_iter().zip(self.rejects);
+        counts.filter(|(reason, _)| *reason == Reject::UnknownId).map(|(_, count)| u64::from(count)).sum()
     }
 
     /// Returns each reason to refuse plain messages with its count.
@@ -114,21 +123,26 @@ impl PortReading {
         rejects + self.counters.foreign + self.counters.oversize
     }
 
-    /// Returns the number of messages that were refused, for whatever reason.
+    /// Returns the number of messages that were refused, for whatever reason; those of other nodes are not.
     pub fn refused_messages(&self) -> u64 {
-        self.refused() + self.rejects.iter().map(|count| u64::from(*count)).sum::<u64>()
+        self.refused() + self.rejects().map(|(_, count)| u64::from(count)).sum::<u64>()
     }
 
     /// Returns names and counts for a report; most only when they are not zero.
     pub fn reported(&self) -> impl Iterator<Item = (&'static str, u64)> {
         let named = ALL.into_iter().zip(self.counts());
-        named.filter(|(count, value)| count.is_always_reported || *value > 0).map(|(count, value)| (count.name, value))
+        let reported = named.filter(|(count, value)| count.is_always_reported || *value > 0);
+        let others = Some((OF_OTHER_NODES, self.of_other_nodes())).filter(|(_, count)| *count > 0);
+        reported.map(|(count, value)| (count.name, value)).chain(others)
     }
 
     /// Returns all counts with their names, zeros included except those of plain messages.
     pub fn named(&self) -> PortCounts {
         PortCounts {
-            counters: ALL.into_iter().map(|count| count.name).zip(self.counts()).collect(),
+            counters: {
+                let others = (OF_OTHER_NODES, self.of_other_nodes());
+                ALL.into_iter().map(|count| count.name).zip(self.counts()).chain([others]).collect()
+            },
             rejects: {
                 let plain = self.plain_rejects().filter(|(_, count)| *count > 0);
                 let plain = plain.map(|(reason, count)| (reason.name(), u64::from(count)));
@@ -222,6 +236,7 @@ mod tests {
         };
         let mut rejects = [0; REASONS];
         rejects[Reject::BadCrc as usize] = 9;
+        rejects[Reject::UnknownId as usize] = 18;
         let mut plain_rejects = [0; PLAIN_REASONS];
         plain_rejects[PlainReject::Json as usize] = 16;
         let mut codec = PlainCodec::new(PlainLayout { encoding: Encoding::Json, ..PlainLayout::default() });
@@ -244,13 +259,14 @@ mod tests {
         let always = ["packets_received", "packets_sent", "packets_overflowed", "queue_overflowed"];
         assert_eq!(reported, always.map(|name| (name, 0)));
         let reported: Vec<_> = reading().reported().map(|(_, count)| count).collect();
-        // Each of the fifteen appears once; 9 and 16 are counts of rejections.
-        assert_eq!(reported, [1, 2, 3, 10, 13, 4, 5, 6, 11, 12, 7, 8, 17, 14, 15]);
+        // Each of the fifteen appears once, and the messages of other nodes; 9 and 16 are counts of rejections.
+        assert_eq!(reported, [1, 2, 3, 10, 13, 4, 5, 6, 11, 12, 7, 8, 17, 14, 15, 18]);
+        assert_eq!(reading().refused_messages(), 9 + 16 + 14 + 15, "without those of other nodes");
         let named = reading().named();
         assert!(named.counters.iter().map(|(_, count)| count).eq(reported), "the same with all names");
         let refused: Vec<_> = named.rejects.iter().filter(|(_, count)| *count > 0).collect();
         let wanted = vec![("BadCrc", 9), ("plain_not_json", 16)];
-        assert_eq!((refused, named.rejects.iter().count()), (wanted, REASONS + 1));
+        assert_eq!((refused, named.rejects.iter().count()), (wanted, REASONS));
     }
 
     #[test]

@@ -38,7 +38,7 @@ pub struct Receiver {
     pub clock: ClockIntake,
     /// The attitudes of the body.
     pub attitudes: AttitudeIntake,
-    /// What is kept for each head.
+    /// State of each head.
     pub mountings: PerHead<Mounting>,
     /// The conversation with the flight computer.
     pub session: Session,

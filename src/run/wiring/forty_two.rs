@@ -6,8 +6,9 @@
 //! counted as `sample_refused` and answered, so that 42 goes on. Tests: `hil_scripts/tests/test_plain_links.py`.
 
 use crate::runtime::{PlantSample, RunRecord, plain_sample};
-use crate::wiring::{assemble::Run, error::LoopError, run_end::RunEnd, stepped::SteppedRun};
+use crate::wiring::{assemble::Run, error::LoopError, run_end::RunEnd, stepped::SteppedRun, verdict::CutShort};
 use anyhow::{Context, Result, anyhow, bail};
+use base::patience::Patience;
 use base::time::{Span, Tai};
 use config::{Bench, Carrier, Plant, Scenario, StartTime};
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -18,12 +19,11 @@ use link::gateway::GatewayParams;
 use link::plain::{ACKNOWLEDGE, Encoding, PlainCodec, PlainRecord, PlainTime, TimeMeaning, is_end_of_message};
 use std::io::{BufRead, BufReader, ErrorKind, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
-use std::time::Instant;
 
 /// How often a wait looks for Ctrl-C.
 const LOOK: Duration = Duration::from_millis(100);
 /// Silence after which the other end counts as gone.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Span = Span::from_ms(60_000);
 
 /// 42 at the other end of a connection.
 pub struct FortyTwo {
@@ -34,14 +34,6 @@ pub struct FortyTwo {
     /// The message that was read to find the start, until the run takes it.
     first: Option<PlainRecord>,
     start_ns: i64,
-}
-
-/// A run that 42 has driven.
-pub struct Driven {
-    /// Its results.
-    pub end: RunEnd,
-    /// True when 42 closed the connection, or fell silent, before the end.
-    pub is_gone: bool,
 }
 
 /// Returns whether the plant of this bench is 42, which can drive the virtual clock.
@@ -68,16 +60,14 @@ pub fn meet(scenario: &mut Scenario, stop: &AtomicBool) -> Result<Option<FortyTw
     stream.set_read_timeout(Some(LOOK))?;
     let (reader, codec) = (BufReader::new(stream), PlainCodec::new(layout));
     let mut forty_two = FortyTwo { address, reader, codec, line: Vec::new(), first: None, start_ns: 0 };
-    let first = loop {
-        match forty_two.next(stop)? {
-            Got::Record(record) => break record,
-            Got::Refused => {
-                let quote = forty_two.codec.first_refused().map(|refused| refused.to_string()).unwrap_or_default();
-                bail!("42 at {address}: got {quote}; wanted TIME, SC[n].qn and SC[n].wn of link.spacecraft_number");
-            }
-            Got::Nothing if stop.load(Ordering::Relaxed) => return Ok(None),
-            Got::Nothing => bail!("42 at {address} closed the connection, or was silent, before its first message"),
+    let first = match forty_two.next(stop)? {
+        Got::Record(record) => record,
+        Got::Refused => {
+            let quote = forty_two.codec.first_refused().map(|refused| refused.to_string()).unwrap_or_default();
+            bail!("42 at {address}: got {quote}; wanted TIME, SC[n].qn and SC[n].wn of link.spacecraft_number");
         }
+        Got::Nothing if stop.load(Ordering::Relaxed) => return Ok(None),
+        Got::Nothing => bail!("42 at {address} closed the connection, or was silent, before its first message"),
     };
     forty_two.start_ns = tag_ns(&first)?;
     forty_two.first = Some(first);
@@ -90,17 +80,22 @@ pub fn meet(scenario: &mut Scenario, stop: &AtomicBool) -> Result<Option<FortyTw
 }
 
 fn connected(address: SocketAddr, stop: &AtomicBool) -> Result<Option<TcpStream>> {
-    let (begun, mut tries) = (Instant::now(), 0_u32);
+    let (mut patience, mut tries) = (Patience::new(PATIENCE), 0_u32);
     while !stop.load(Ordering::Relaxed) {
         tries += 1;
         match TcpStream::connect_timeout(&address, Duration::from_secs(1)) {
             Ok(stream) => return Ok(Some(stream)),
-            Err(error) if begun.elapsed() >= PATIENCE => {
+            Err(error) if patience.is_over() => {
                 return Err(anyhow!(
                     "tcp: {address}: {tries} tries to connect failed: {error}; start 42 as the server"
                 ));
             }
-            Err(_not_yet) => std::thread::sleep(LOOK),
+            Err(_not_yet) => {
+                if tries == 1 {
+                    eprintln!("link: waiting for 42 at tcp {address}");
+                }
+                std::thread::sleep(LOOK);
+            }
         }
     }
     Ok(None)
@@ -122,7 +117,7 @@ fn accepted(address: SocketAddr, stop: &AtomicBool) -> Result<Option<TcpStream>>
     Ok(None)
 }
 
-/// What came next.
+/// Result of waiting for a message.
 enum Got {
     Record(PlainRecord),
     /// A message that was refused, and counted.
@@ -146,17 +141,16 @@ impl FortyTwo {
         run: Run,
         stop: &AtomicBool,
         progress: &mut dyn FnMut(usize, &SentFrame, &RunRecord),
-    ) -> Result<Driven> {
+    ) -> Result<RunEnd> {
         let mut going = SteppedRun::of(run)?;
         let flown = self.fly(&mut going, stop, progress);
-        let (is_gone, error) = match flown {
-            Ok(is_over) => (!is_over && !stop.load(Ordering::Relaxed), None),
-            Err(error) => (false, Some(LoopError::Parts(error))),
-        };
+        let is_gone = matches!(flown, Ok(false)) && !stop.load(Ordering::Relaxed);
         if let Some(refused) = self.codec.first_refused() {
             eprintln!("starloop: 42 at {}: the first refused line: {refused}", self.address);
         }
-        Ok(Driven { end: going.end(error), is_gone })
+        let mut end = going.end(flown.err().map(LoopError::Parts));
+        end.cut_short = is_gone.then_some(CutShort::PlantGone);
+        Ok(end)
     }
 
     /// Returns whether the run has come to its end.
@@ -206,8 +200,8 @@ impl FortyTwo {
 
     /// Reads a line; false at the end of the connection, after long silence, or when `stop` is set.
     fn read_line(&mut self, stop: &AtomicBool) -> Result<bool> {
-        let begun = Instant::now();
-        while begun.elapsed() < PATIENCE && !stop.load(Ordering::Relaxed) {
+        let mut patience = Patience::new(PATIENCE);
+        while !patience.is_over() && !stop.load(Ordering::Relaxed) {
             let waiting = match self.reader.fill_buf() {
                 Ok([]) => return Ok(false),
                 Ok(waiting) => waiting,

@@ -38,7 +38,9 @@ impl Run {
         let faults = lock(&desk).lines(of_frames, &|number| far.hits_aboard(number));
         let flown = Flown::of(far.vehicle(), &far.witness.assessment, &heads[0].engine.params);
         let assessment = far.witness.finish(&record, &faults, now);
+        let gateways = cable.as_ref().map(Cable::gateway_rows).unwrap_or_default();
         let mut losses = Losses::of_sinks(&sink_lines);
+        gateways.iter().for_each(|row| losses.note_gateway(&row.gateway, row.dropped, row.to_clients));
         note_lost_reader(&mut losses, &record.ledger);
         let hygiene = hygiene.filter(|_| matches!(clock, RunClock::Real(_)));
         let mut end = RunEnd {
@@ -49,7 +51,7 @@ impl Run {
             ports,
             summaries,
             sink_lines,
-            gateways: cable.as_ref().map(Cable::gateway_rows).unwrap_or_default(),
+            gateways,
             losses,
             hygiene: hygiene.map(|hygiene| hygiene.lines()).unwrap_or_default(),
             assessment,

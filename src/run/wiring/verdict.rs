@@ -19,6 +19,8 @@ pub enum CutShort {
     Interrupted,
     /// Its client asked it to finish: frames that were still to come are missing as commanded.
     Finished,
+    /// The plant that drives its clock went away.
+    PlantGone,
     /// Its client went away.
     ClientGone,
 }
@@ -155,6 +157,10 @@ pub(super) fn verdict(promise: &Promise, facts: &Facts<'_>) -> RunVerdict {
             let text = "stopped before its end".into();
             verdict.add(Reason { word: RunWord::Incomplete, kind: "interrupted", count: 1, text });
         }
+        Some(CutShort::PlantGone) => {
+            let text = "the plant went away before the end".into();
+            verdict.add(Reason { word: RunWord::Incomplete, kind: "plant_gone", count: 1, text });
+        }
         Some(CutShort::ClientGone) => {
             let text = "the control client went away".into();
             verdict.add(Reason { word: RunWord::Failed, kind: "client_gone", count: 1, text });
@@ -178,7 +184,9 @@ fn add_silence(verdict: &mut RunVerdict, promise: &Promise, facts: &Facts<'_>) {
             let first = first.map_or_else(String::new, |first| format!(", the first is {first}"));
             format!("no attitude was accepted: {refused} messages were refused{first}: {}", promise.advice)
         } else {
-            format!("no attitude arrived: {}", promise.advice)
+            let others: u64 = facts.ports.iter().map(PortReading::of_other_nodes).sum();
+            let others = if others > 0 { format!(", only {others} messages of other nodes") } else { String::new() };
+            format!("no attitude arrived{others}: {}", promise.advice)
         };
         verdict.add(Reason { word: RunWord::Incomplete, kind: "no_attitude", count: 1, text });
     }

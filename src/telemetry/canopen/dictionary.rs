@@ -4,7 +4,7 @@
 //! what comes out, for clients to load; a test compares them.
 
 use Access::{Constant, ReadOnly, ReadWrite, WriteOnly};
-use Type::{F32, I16, U8, U16, U32};
+use Type::{F32, I16, Text, U8, U16, U32};
 use core::fmt::Write as _;
 use std::collections::BTreeMap;
 
@@ -22,12 +22,15 @@ pub enum Type {
     U32 = 0x07,
     /// IEEE 754, 32 bits.
     F32 = 0x08,
+    /// Visible characters, as many as there are.
+    Text = 0x09,
 }
 
 impl Type {
-    /// Its bytes.
+    /// Its bytes; 0 for a text, which is read in segments.
     pub fn bytes(self) -> u8 {
         match self {
+            Self::Text => 0,
             Self::U8 => 1,
             Self::I16 | Self::U16 => 2,
             Self::U32 | Self::F32 => 4,
@@ -103,6 +106,10 @@ pub const FRAME: u16 = 0x4006;
 pub const RESET: u16 = 0x4007;
 /// Temperature.
 pub const TEMPERATURE: u16 = 0x4008;
+/// Name of the device.
+pub const NAME: u16 = 0x1008;
+/// The name itself.
+pub const NAME_TEXT: &str = "starloop star tracker";
 /// Heartbeat.
 pub const HEARTBEAT: u16 = 0x1017;
 /// First of the communication parameters of transmit PDOs.
@@ -125,10 +132,11 @@ const RATE_NAME: &str = "Rate";
 const IDENTITY: &str = "Identity object";
 
 /// All entries but those of the PDOs.
-pub const ENTRIES: [Entry; 30] = [
+pub const ENTRIES: [Entry; 31] = [
     entry((0x1000, 0), ["Device type", ""], U32, Constant, "0x0"),
     entry((ERROR_REGISTER, 0), ["Error register", ""], U8, ReadOnly, "0x0"),
     entry((0x1005, 0), ["COB-ID SYNC", ""], U32, Constant, "0x80"),
+    entry((NAME, 0), ["Manufacturer device name", ""], Text, Constant, NAME_TEXT),
     entry((0x1014, 0), ["COB-ID EMCY", ""], U32, ReadOnly, "$NODEID+0x80"),
     entry((HEARTBEAT, 0), ["Producer heartbeat time", ""], U16, ReadWrite, "1000"),
     entry((0x1018, 0), [IDENTITY, "Number of entries"], U8, Constant, "4"),

@@ -1,4 +1,5 @@
-//! A CANopen star tracker: boot-up, heartbeat, NMT, four transmit PDOs, expedited SDO, SYNC, EMCY.
+//! A CANopen star tracker: boot-up, heartbeat, NMT, four transmit PDOs, expedited SDO, SDO in segments for its
+//! name, SYNC, EMCY.
 //!
 //! Source: CiA 301 as its public summaries have it; the objects of the attitude are at the numbers of OreSat's star
 //! tracker (0x4000, 0x4002). Little-endian, classic frames, 11-bit identifiers of the predefined connection set. PDO1:
@@ -7,7 +8,7 @@
 //! the node is operational. EMCY FF01 reports that the attitude was lost, 0000 that it is known again. The dictionary
 //! is in [`dictionary`], and writes its EDS file.
 //!
-//! Left out: segmented and block SDO, RPDO, time stamp, node guarding, LSS, changes of mappings and of identifiers.
+//! Left out: other segmented SDO, block SDO, RPDO, time stamp, node guarding, LSS, changes of mappings and of identifiers.
 //!
 //! [`CanOpenReader`] reads the transmit PDOs 1 to 3 of one node. The three of one report are those that follow one another: PDO1 begins a report, PDO3
 //! ends it. Other identifiers are passed over.
@@ -18,11 +19,11 @@ use crate::{Answered, Device, Limits, Mode, Order, Report, Sense, Wire};
 use base::time::{Span, Tai};
 use base::units::ARCSEC;
 use dictionary::{
-    ATTITUDE, ERROR_REGISTER, EXPOSURE, Entry, FRAME, HEARTBEAT, MAPPED, MAPPING, RATE, RESET, STARS, STATE,
-    TEMPERATURE, TPDO, find,
+    ATTITUDE, ERROR_REGISTER, EXPOSURE, Entry, FRAME, HEARTBEAT, MAPPED, MAPPING, NAME, NAME_TEXT, RATE, RESET, STARS,
+    STATE, TEMPERATURE, TPDO, find,
 };
 use firmware_protocol::can::CanFrame;
-use sdo::{Abort, Request};
+use sdo::{Abort, Request, Text};
 
 pub mod dictionary;
 pub mod sdo;
@@ -80,6 +81,8 @@ pub struct CanOpenDevice {
     state: u8,
     exposure_us: u32,
     error_register: u8,
+    /// The text that a client reads in segments.
+    text: Option<Text>,
     continuity: Continuity,
     newest: Option<Report>,
     answered: Answered,
@@ -119,6 +122,7 @@ impl CanOpenDevice {
             state: STAR_TRACK,
             exposure_us: (exposure_s * 1e6).round() as u32,
             error_register: 0,
+            text: None,
             continuity: Continuity::default(),
             newest: None,
             answered: Answered::default(),
@@ -265,7 +269,19 @@ impl CanOpenDevice {
     }
 
     fn transfer(&mut self, data: [u8; 8], now: Tai, out: &mut Vec<Wire>, orders: &mut Vec<Order>) {
+        // Whatever else a client does ends the text that it read.
+        let text = self.text.take();
         let done = sdo::read(data).and_then(|request| match request {
+            Request::Read(entry) if entry.index == NAME => {
+                let (text, answer) = Text::begin(&entry, NAME_TEXT);
+                self.text = Some(text);
+                Ok(Some(answer))
+            }
+            Request::Segment(toggle) => {
+                let (answer, rest) = text.ok_or(Abort::BadCommand)?.next(toggle)?;
+                self.text = rest;
+                Ok(Some(answer))
+            }
             Request::Read(entry) => Ok(Some(sdo::value(&entry, self.value(&entry)))),
             Request::Write(entry, value) => self.write(&entry, value, now, orders).map(|()| Some(sdo::written(&entry))),
             Request::Abort => Ok(None),

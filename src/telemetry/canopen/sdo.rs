@@ -1,5 +1,5 @@
-//! Expedited SDO transfers of CiA 301: up to four bytes in one request and one answer. Nothing longer is in the
-//! dictionary.
+//! SDO transfers of CiA 301: expedited ones, up to four bytes in one request and one answer, and texts that are read in
+//! segments of seven bytes. Nothing else is longer in the dictionary.
 
 use super::dictionary::{Access, Entry, find, has_index};
 
@@ -7,7 +7,9 @@ use super::dictionary::{Access, Entry, find, has_index};
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Abort {
-    /// The command is not known, such as one of a segmented transfer.
+    /// A segment was asked for twice, or one was left out.
+    Toggle = 0x0503_0000,
+    /// The command is not known, such as one of a block transfer.
     BadCommand = 0x0504_0001,
     /// It can only be written.
     WriteOnly = 0x0601_0001,
@@ -30,6 +32,8 @@ pub enum Abort {
 pub enum Request {
     /// Read.
     Read(Entry),
+    /// Read the next segment of a text, with this toggle bit.
+    Segment(bool),
     /// Write these bytes, of the object's length, padded with zeros.
     Write(Entry, [u8; 4]),
     /// The client gives up.
@@ -60,8 +64,9 @@ pub fn read(data: [u8; 8]) -> Result<Request, Abort> {
             let entry = entry()?;
             if entry.access == Access::WriteOnly { Err(Abort::WriteOnly) } else { Ok(Request::Read(entry)) }
         }
+        3 => Ok(Request::Segment(command & 0x10 != 0)),
         4 => Ok(Request::Abort),
-        _segmented_or_block => Err(Abort::BadCommand),
+        _written_in_segments_or_blocks => Err(Abort::BadCommand),
     }
 }
 
@@ -70,6 +75,41 @@ pub fn value(entry: &Entry, value: [u8; 4]) -> [u8; 8] {
     let command = 0x43 | ((4 - entry.kind.bytes()) << 2);
     with_place(command, entry.index, entry.sub, value)
 }
+
+/// A text under way to a client.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Text {
+    rest: &'static [u8],
+    toggle: bool,
+}
+
+impl Text {
+    /// Begins with a text; the answer to the read has its length.
+    pub fn begin(entry: &Entry, text: &'static str) -> (Self, [u8; 8]) {
+        let length = u32::try_from(text.len()).unwrap_or(u32::MAX);
+        let answer = with_place(0x41, entry.index, entry.sub, length.to_le_bytes());
+        (Self { rest: text.as_bytes(), toggle: false }, answer)
+    }
+
+    /// Returns the next segment, and what is left after it: nothing after the last one.
+    ///
+    /// # Errors
+    /// With the other toggle bit than that of this segment.
+    pub fn next(self, toggle: bool) -> Result<([u8; 8], Option<Self>), Abort> {
+        if toggle != self.toggle {
+            return Err(Abort::Toggle);
+        }
+        let mut answer = [0; 8];
+        let (now, rest) = self.rest.split_at(self.rest.len().min(SEGMENT));
+        answer[1..=now.len()].copy_from_slice(now);
+        let unused = u8::try_from(SEGMENT - now.len()).unwrap_or_default();
+        answer[0] = u8::from(toggle) << 4 | unused << 1 | u8::from(rest.is_empty());
+        Ok((answer, (!rest.is_empty()).then_some(Self { rest, toggle: !toggle })))
+    }
+}
+
+/// Bytes of one segment.
+const SEGMENT: usize = 7;
 
 /// The answer to a write.
 pub fn written(entry: &Entry) -> [u8; 8] {
@@ -90,6 +130,21 @@ fn with_place(command: u8, index: u16, sub: u8, [a, b, c, d]: [u8; 4]) -> [u8; 8
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_text_goes_out_in_segments_of_seven_bytes() {
+        let entry = find(0x1008, 0).unwrap();
+        let (text, answer) = Text::begin(&entry, "starloop!");
+        assert_eq!(answer, [0x41, 0x08, 0x10, 0, 9, 0, 0, 0]);
+        assert_eq!(text.next(true), Err(Abort::Toggle));
+        let (first, rest) = text.next(false).unwrap();
+        assert_eq!(&first, b"\x00starloo");
+        assert_eq!(rest.unwrap().next(false), Err(Abort::Toggle), "control");
+        let (last, rest) = rest.unwrap().next(true).unwrap();
+        assert_eq!((&last, rest), (b"\x1bp!\0\0\0\0\0", None));
+        assert_eq!(read([0x70, 0, 0, 0, 0, 0, 0, 0]), Ok(Request::Segment(true)));
+        assert_eq!(read([0x23, 0x08, 0x10, 0, 0, 0, 0, 0]), Err(Abort::ReadOnly));
+    }
 
     #[test]
     fn requests_are_read_as_the_standard_has_them() {

@@ -102,6 +102,23 @@ fn sdo_reads_and_writes_what_the_dictionary_allows() {
 }
 
 #[test]
+fn its_name_is_read_in_segments_by_one_client_at_a_time() {
+    let mut device = device(false);
+    let mut sdo = |command: u8, index: u16| {
+        let [low, high] = index.to_le_bytes();
+        exchange(&mut device, 0x660, &[command, low, high, 0, 0, 0, 0, 0]).0.remove(0).1
+    };
+    assert_eq!(sdo(0x60, 0)[4..], 0x0504_0001_u32.to_le_bytes(), "nothing is under way");
+    assert_eq!(sdo(0x40, 0x1008)[4..], 21_u32.to_le_bytes());
+    let text: Vec<u8> = [0x60, 0x70, 0x60].iter().flat_map(|command| sdo(*command, 0).split_off(1)).collect();
+    assert_eq!(text, b"starloop star tracker");
+    assert_eq!(sdo(0x70, 0)[0], 0x80, "it is over");
+    sdo(0x40, 0x1008);
+    sdo(0x40, 0x1017);
+    assert_eq!(sdo(0x60, 0)[0], 0x80, "control: another transfer ends it");
+}
+
+#[test]
 fn pdos_of_a_synchronous_type_wait_for_their_sync() {
     let mut device = device(true);
     device.start(report().time_tag, &mut Vec::new());

@@ -16,7 +16,7 @@ mod passes;
 
 use crate::detector::conditions::{Constants, DetectorConditions};
 use crate::detector::{Detector, DetectorParams, PoissonMethod};
-use crate::detector::{background::normalisation, disturbances::Disturbances, effect::FrameAt, output::Output};
+use crate::detector::{background::normalisation, disturbances::Disturbances, effect_order::FrameAt, output::Output};
 use crate::gpu::buffers::{GrowableBuffer, ReadbackRing};
 use crate::gpu::device::FrameTimes;
 use crate::gpu::{DeviceElectrons, GpuDevice, GpuError};

@@ -10,7 +10,7 @@ use crate::detector::binning::{Binning, BinningKind};
 use crate::detector::charge_transfer::{ChargeTransfer, Trails};
 use crate::detector::image_lag::{ImageLag, LEAST_E, Memory};
 use crate::detector::{Detector, Effect, readout};
-use crate::detector::{blooming::Blooming, effect::FrameAt};
+use crate::detector::{blooming::Blooming, effect_order::FrameAt};
 use crate::gpu::buffers::GrowableBuffer;
 use crate::gpu::shader::{ComputePass, WORKGROUP, grid};
 use crate::gpu::{GpuDevice, GpuError, shader};

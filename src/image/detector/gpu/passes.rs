@@ -2,7 +2,7 @@
 
 use crate::detector::outliers::{Outlier, Outliers};
 use crate::detector::{Detector, DetectorParams, Nonlinearity};
-use crate::detector::{effect::FrameAt, poisson::INVERSION_LIMIT};
+use crate::detector::{effect_order::FrameAt, poisson::INVERSION_LIMIT};
 use crate::gpu::buffers::GrowableBuffer;
 use crate::gpu::shader::{ComputePass, WORKGROUP, grid};
 use crate::gpu::{GpuDevice, GpuError, shader};

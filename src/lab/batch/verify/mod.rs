@@ -6,9 +6,11 @@
 //!
 //! * `photon_transfer`: moments of flats in time and in space, the procedure of EMVA 1288 -> [`DataSheet`].
 //! * `fidelity`: stars of known light in noisy frames -> [`Fidelity`], errors by brightness.
+//! * `export`: flats and darks as files for other programs.
 //! * `table`: both as text.
 
 pub mod data_sheet;
+pub mod export;
 pub mod fidelity;
 pub mod photon_transfer;
 pub mod table;

@@ -17,7 +17,7 @@ use crate::display::screen::surface::{Panel, VulkanPanel};
 use crate::display::screen::window::{Opened, Order};
 use crate::display::submit_log::{SubmitLog, Submitted};
 use crate::display::{error::DisplayError, grey::GreyMaker, params::Params, picture::Picture, screen::state::State};
-use base::{clock::Clock, time::Span};
+use base::{clock::Clock, refused::Refused, time::Span};
 use crossbeam_channel::{Receiver, bounded};
 use frames::sink::crc32::{RunCrc32, pixel_crc32};
 use frames::sink::{SentFrame, Sink, SinkError, SinkSummary};
@@ -185,7 +185,7 @@ impl Sink for Display {
         let is_lost = self.presenter.take().is_some_and(|presenter| presenter.join().is_err());
         self.log_submits();
         let written = self.log.as_mut().map_or(Ok(()), SubmitLog::finish);
-        written.map_err(|error| SinkError::Unfinished { sink: NAME, source: Box::new(error) })?;
+        written.map_err(|error| Refused(format!("the {NAME} sink ended with a failure: {error}")))?;
         if is_lost {
             return Err(SinkError::Lost { sink: NAME });
         }
@@ -206,7 +206,11 @@ impl Drop for Display {
 /// Checks the conditions for opening a window.
 fn check(params: &Params, image_px: [u32; 2], maker: &GreyMaker) -> Result<(), DisplayError> {
     if maker.bits() != params.bits.count() {
-        return Err(DisplayError::TableDepth { table: maker.bits(), display: params.bits.count() });
+        return Err(DisplayError::refuse(format!(
+            "a table of {} bit greys for a display of {} bits: wanted the same; calibrate in the mode that is used",
+            maker.bits(),
+            params.bits.count()
+        )));
     }
     params.marker.map_or(Ok(()), |marker| marker.check(image_px))
 }
@@ -259,7 +263,8 @@ impl Start<'_> {
             }
             at_end();
         };
-        let no_thread = |error: std::io::Error| DisplayError::Thread { name: NAME, reason: error.to_string() };
+        let no_thread =
+            |error: std::io::Error| DisplayError::refuse(format!("thread \"{NAME}\" cannot be started: {error}"));
         let presenter = std::thread::Builder::new().name(NAME.into()).spawn(present).map_err(no_thread)?;
         let ended = |_| DisplayError::Driver("its thread ended at its start".into());
         let description = answer.recv().map_err(ended)??;
@@ -375,8 +380,15 @@ mod tests {
         let open = |params: Params| Display::open(&params, [64, 48], maker(), clock()).unwrap_err();
         let plain = Params::full_screen();
         let depth = open(Params { bits: Bits::Ten, ..plain.clone() });
-        assert_eq!(depth, DisplayError::TableDepth { table: 8, display: 10 });
+        assert!(
+            depth.to_string().starts_with("a table of 8 bit greys for a display of 10 bits: wanted the same"),
+            "{depth}"
+        );
         let marker = Some(Marker { size_px: 49, corner: Corner::TopLeft });
-        assert!(matches!(open(Params { marker, ..plain }), DisplayError::MarkerSize { marker_px: 49, .. }));
+        let error = open(Params { marker, ..plain }).to_string();
+        assert!(
+            error.starts_with("a marker of 49 px on frames of 64 x 48 px: wanted 1 px up to the shorter side"),
+            "{error}"
+        );
     }
 }

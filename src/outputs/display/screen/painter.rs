@@ -130,7 +130,10 @@ pub(super) fn choose_format(offered: &[SurfaceFormatCapabilities], bits: Bits) -
             Bits::Ten => "ask for bits = 8, or set the X server to depth 30 and take a driver that offers A2B10G10R10",
         };
         let offered = if names.is_empty() { "nothing".into() } else { names.join(", ") };
-        DisplayError::Depth { bits: bits.count(), offered, advice }
+        DisplayError::refuse(format!(
+            "{} bits are not offered here: the driver offers {offered}; {advice}",
+            bits.count()
+        ))
     })
 }
 

@@ -28,10 +28,10 @@ pub(super) fn reported(
     };
     let off_hz = (drawn_hz - monitor_hz).abs();
     if off_hz > SAME_RATE * drawn_hz && is_full_screen {
-        return Err(DisplayError::RefreshRate {
-            drawn_hz: format!("{drawn_hz:.3}"),
-            monitor_hz: format!("{monitor_hz:.3}"),
-        });
+        return Err(DisplayError::refuse(format!(
+            "frames are drawn for refreshes at {drawn_hz:.3} Hz, and the monitor's are at {monitor_hz:.3} Hz: wanted the \
+             same within 0.5 %; set timing.frame_rate_hz to the monitor's, or the monitor's mode to the frames'"
+        )));
     }
     let what = if drawn_hz < monitor_hz { "shown twice" } else { "passed over" };
     let often = if off_hz > REPORTED_HZ {

@@ -60,7 +60,11 @@ impl VulkanPanel {
         bits: Bits,
         state: Arc<State>,
     ) -> Result<Self, DisplayError> {
-        let refuse = DisplayError::NoDriver;
+        let refuse = |reason: String| {
+            DisplayError::refuse(format!(
+                "no Vulkan driver shows on this window: {reason}; install a driver (mesa-vulkan-drivers has a software one)"
+            ))
+        };
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
             backends: wgpu::Backends::VULKAN,
             flags: wgpu::InstanceFlags::empty(),

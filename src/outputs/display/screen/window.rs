@@ -81,11 +81,22 @@ pub fn monitors() -> Result<Vec<MonitorFacts>, DisplayError> {
 
 /// Asks the event loop, which is started when it does not run yet.
 fn ask<T>(request: impl FnOnce(Sender<T>) -> Request) -> Result<T, DisplayError> {
-    let proxy = EVENT_LOOP.get_or_init(start).as_ref().map_err(|why| DisplayError::NoServer(why.clone()))?;
-    let no_answer = || DisplayError::NoAnswer { waited_s: LONGEST_WAIT.as_secs() };
+    let proxy = EVENT_LOOP.get_or_init(start).as_ref().map_err(|why| no_server(why))?;
+    let no_answer = || {
+        let waited_s = LONGEST_WAIT.as_secs();
+        DisplayError::refuse(format!(
+            "the display's event loop does not answer within {waited_s} s; is the X server stuck?"
+        ))
+    };
     let (reply, answer) = bounded(1);
     proxy.send_event(request(reply)).map_err(|_| no_answer())?;
     answer.recv_timeout(LONGEST_WAIT).map_err(|_| no_answer())
+}
+
+fn no_server(why: &str) -> DisplayError {
+    DisplayError::refuse(format!(
+        "no window can be opened: {why}; start an X server and set DISPLAY (XAUTHORITY too, for another user's)"
+    ))
 }
 
 /// Lets a window go; it closes with its last owner.
@@ -206,8 +217,11 @@ impl Windows {
                     }
                 }
                 Verdict::Refused => {
-                    let (got, wanted) = (area.to_string(), opening.placement.wanted().to_string());
-                    drop(opening.reply.send(Err(DisplayError::NotPlaced { got, wanted })));
+                    let wanted = opening.placement.wanted();
+                    drop(opening.reply.send(Err(DisplayError::refuse(format!(
+                        "the window is at {area} where {wanted} was asked for; a window manager that leaves full-screen \
+                         windows alone helps"
+                    )))));
                 }
             }
         }
@@ -240,7 +254,8 @@ fn begin(event_loop: &ActiveEventLoop, order: Order, is_managed: bool) -> Result
     }
     let fullscreen = wanted.origin_px.map(|_| Fullscreen::Borderless(Some(handle)));
     let attributes = attributes(wanted, fullscreen, is_managed);
-    let window = event_loop.create_window(attributes).map_err(|error| DisplayError::NoWindow(error.to_string()))?;
+    let no_window = |error| DisplayError::refuse(format!("the X server gives no window: {error}"));
+    let window = event_loop.create_window(attributes).map_err(no_window)?;
     window.set_cursor_visible(false);
     let shown = Shown { window: Arc::new(window), order, monitor, is_managed };
     Ok((shown, Placement::new(wanted)))

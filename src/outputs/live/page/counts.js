@@ -34,11 +34,13 @@ function showCounts(run) {
   const eventTone = (name) => (/lost|dropped|refused|overflow|busy/.test(name) ? "bad" : "");
   fillList("events", Object.entries(run.events).map(([name, n]) => [spaced(name), n, eventTone(name)]));
   const always = ["packets_received", "packets_sent"];
+  // Other nodes of a shared bus do no harm.
+  const plain = [...always, "messages_of_other_nodes"];
   const ports = run.ports.flatMap((port, i) => [
     ...(run.ports.length > 1 ? [["port " + i]] : []),
     ...Object.entries(port.counters)
       .filter(([name, n]) => n > 0 || always.includes(name))
-      .map(([name, n]) => [spaced(name), n, always.includes(name) ? "" : "warn"]),
+      .map(([name, n]) => [spaced(name), n, plain.includes(name) ? "" : "warn"]),
     ...Object.entries(port.rejects).map(([name, n]) => ["refused: " + name, n, "warn"]),
   ]);
   const more = run.ports_left_out > 0 ? [["ports not shown", run.ports_left_out, "warn"]] : [];

@@ -31,13 +31,15 @@ fn requests_are_read() {
 fn invalid_request_is_refused_with_its_error() {
     let cases = [
         ("hello", "not JSON"),
+        ("step 0.5", "wanted {\"request\": \"step\""),
         ("[1]", "the line is a list"),
         ("{}", "request is missing; wanted one of: hello, state, step"),
         (r#"{"request": 1}"#, "request is 1"),
         (r#"{"request": "dance"}"#, "request is \"dance\""),
         (r#"{"request": "hello", "s": 1}"#, "unknown key \"s\" in hello"),
         (r#"{"request": "hello", "token": 1}"#, "token is a number; wanted a string"),
-        (r#"{"request": "step"}"#, "step has 0 of"),
+        (r#"{"request": "step", "seconds": 0.5}"#, "unknown key \"seconds\" in step; wanted s, frames, until_s"),
+        (r#"{"request": "step"}"#, "step has 0 of s, frames and until_s; wanted exactly one"),
         (r#"{"request": "step", "s": 1, "frames": 1}"#, "step has 2 of"),
         (r#"{"request": "step", "s": "1"}"#, "s is \"1\"; wanted a number"),
         (r#"{"request": "step", "s": -1}"#, "s is -1; wanted seconds above 0"),

@@ -316,5 +316,7 @@ mod wrong_type_tests {
         assert!(refused("timing = 5\n").contains("timing is 5; wanted a table"), "{}", refused("timing = 5\n"));
         let one = refused("[event]\ndo = \"safe\"\n");
         assert!(one.contains("event is one table; wanted several tables, each as [[event]]"), "{one}");
+        let several = refused("[[timing]]\nframe_rate_hz = 5\n");
+        assert!(several.contains("bench.toml:1") && several.contains("wanted one table: [timing]"), "{several}");
     }
 }

@@ -1,10 +1,10 @@
 //! The check of keys against their declarations alone, for files whose values crates above read.
 
 use crate::declared::{Declared, Key, Preset};
-use crate::document_tables::{as_clause, wanted_by};
 use crate::error::{ConfigError, Result, nearest};
 use crate::file_kind::{FileKind, must_be};
 use crate::test_plan_keys::{DataSetKeys, PlanKeys, RequirementKeys};
+use crate::unknown_keys::{as_clause, wanted_by};
 use crate::{check::Checker, document::Document, key_type::Shape, reference::declared, several::check_all};
 use toml::{Table, Value};
 
