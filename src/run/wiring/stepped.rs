@@ -248,7 +248,7 @@ impl SteppedRun {
             record: self.record(),
             heads: &self.run.heads,
             receiver: &self.run.receiver,
-            ports: &self.readings(),
+            ports: &readings(&self.run),
             losses: &Losses::default(),
             zero: self.run.times.zero,
             // Until it ends, nothing is missing that has not come up.
@@ -298,15 +298,11 @@ impl SteppedRun {
         }
     }
 
-    fn readings(&self) -> Vec<PortReading> {
-        self.run.cable.iter().flat_map(|cable| &cable.near).map(|port| PortReading::of(port, 0)).collect()
-    }
-
     /// Ends the run, which `error` cut short if there is one: finishes the sinks, and sums up telemetry and invariants.
     pub fn end(mut self, error: Option<LoopError>) -> RunEnd {
         self.run.outs.finish();
         let (now, simulated_s, was_over) = (self.now(), self.simulated_s(), self.is_finished());
-        let ports = self.readings();
+        let ports = readings(&self.run);
         let Self { mut run, going, far, promise, cut_short, .. } = self;
         let is_asked = cut_short == Some(CutShort::Finished);
         let on_the_way = if is_asked { FrameEnd::Commanded } else { FrameEnd::Dropped };
@@ -334,4 +330,9 @@ impl SteppedRun {
         advance(going, heads, &mut World { port, receiver, far_end: &mut far_end, progress: &mut progress })?;
         Ok(())
     }
+}
+
+/// Returns the counters of the ports so far.
+fn readings(run: &Run) -> Vec<PortReading> {
+    run.cable.iter().flat_map(|cable| &cable.near).map(|port| PortReading::of(port, 0)).collect()
 }
