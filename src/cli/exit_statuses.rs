@@ -35,8 +35,9 @@ pub const EXIT_STATUSES: &[ExitStatus] = &[
     ExitStatus {
         numbers: &[EXIT_LOST],
         meaning: "it reached its end, but something was lost (frames that a sink did not take, a file, a capture, a \
-                  thread); one line on standard error names it, also with --quiet",
-        commands: &["run", "budget", "bus"],
+                  thread, what a gateway's client read too slowly, a damaged shard); one line on standard error names it, \
+                  also with --quiet",
+        commands: &["run", "budget", "bus", "dataset"],
     },
     ExitStatus {
         numbers: &[EXIT_INCOMPLETE],
