@@ -1,4 +1,4 @@
-//! The exit statuses: what each means, which commands end with it, and the help text made of both.
+//! The exit statuses: what each means, which commands end with it, and the help text made of both. A run's is chosen in `run::end`.
 
 use crate::cli::{
     EXIT_DONE, EXIT_FAILED, EXIT_INCOMPLETE, EXIT_INTERRUPTED, EXIT_LOST, EXIT_NOT_MET, EXIT_OVER_BUDGET, EXIT_USAGE,
