@@ -134,6 +134,9 @@ class CameraExport(Case):
         data = json.loads(path.read_text())["camera_matrix"]["data"]
         self.assertAlmostEqual(data[0], 52.26e3 / 18.0, places=6)
         self.assertEqual((data[2], data[5]), (511.5, 511.5))
+        cots = json.loads(self.done("camera", "export", self.NAME, "--for", "cots").stdout)
+        self.assertEqual([part for row in cots["camera_matrix"] for part in row], data)
+        self.assertEqual((cots["resolution"], len(cots["dist_coefs"][0])), ([1024, 1024], 5))
 
     def test_program_without_a_form_is_refused(self):
         self.assertIn("openstartracker", self.done("camera", "export", self.NAME, "--for", "nothing", status=2).stderr)

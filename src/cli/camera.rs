@@ -47,6 +47,8 @@ enum Program {
     Opencv,
     /// JSON with the words of `solve_from_centroids` of tetra3 and cedar-solve
     Tetra3,
+    /// JSON of NASA's COTS star tracker (cam_config): matrix, distortion, resolution
+    Cots,
 }
 
 /// Runs the command.
@@ -63,10 +65,11 @@ pub fn run(arguments: &CameraArgs) -> Result<()> {
     let geometry = camera.geometry()?;
     let text = exported(&camera, &geometry, arguments.program)?;
     eprintln!("{}", scales(&camera));
-    if geometry.is_distorted() && arguments.program != Program::Opencv {
+    let has_lens = matches!(arguments.program, Program::Opencv | Program::Cots);
+    if geometry.is_distorted() && !has_lens {
         eprintln!("left out: the distortion of this camera; --for opencv writes it");
     }
-    if is_off_centre(&geometry) && arguments.program != Program::Opencv {
+    if is_off_centre(&geometry) && !has_lens {
         eprintln!("left out: the principal point, which is not the image's centre; --for opencv writes it");
     }
     let Some(path) = &arguments.out else {
@@ -106,16 +109,23 @@ fn exported(camera: &Camera, geometry: &CameraGeometry, program: Program) -> Res
             format!("IMG_X={width_px}\nIMG_Y={height_px}\nPIXSCALE={:.6}\n", mean_scale_arcsec(camera))
         }
         Program::Opencv => opencv(geometry)?,
+        Program::Cots => cots(geometry)?,
         Program::Tetra3 => {
             format!("{{\"size\": [{height_px}, {width_px}], \"fov_estimate\": {:.6}}}\n", camera.fov_deg()[0])
         }
     })
 }
 
-fn opencv(geometry: &CameraGeometry) -> Result<String> {
+/// Returns the distortion as OpenCV orders it: k1, k2, p1, p2, k3.
+fn coefficients(geometry: &CameraGeometry) -> Result<[f64; 5]> {
     let Distortion::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 }) = *geometry.distortion() else {
-        bail!("--for opencv: the distortion is a polynomial, which OpenCV's coefficients cannot express");
+        bail!("--for: the distortion is a polynomial, which OpenCV's coefficients cannot express");
     };
+    Ok([k1, k2, p1, p2, k3])
+}
+
+fn opencv(geometry: &CameraGeometry) -> Result<String> {
+    let [k1, k2, p1, p2, k3] = coefficients(geometry)?;
     let parameters = geometry.parameters();
     let ([fx, fy], [cx, cy]) = (parameters.focal_px, parameters.principal_point_px);
     let matrix = |rows: u8, cols: u8, data: &str| {
@@ -129,6 +139,18 @@ fn opencv(geometry: &CameraGeometry) -> Result<String> {
         "{{\n\"image_width\": {},\n\"image_height\": {},\n\"camera_matrix\": {camera},\n\"distortion_coefficients\": {lens}\n}}\n",
         parameters.width_px, parameters.height_px
     ))
+}
+
+fn cots(geometry: &CameraGeometry) -> Result<String> {
+    let lens = coefficients(geometry)?;
+    let parameters = geometry.parameters();
+    let ([fx, fy], [cx, cy]) = (parameters.focal_px, parameters.principal_point_px);
+    let value = serde_json::json!({
+        "camera_matrix": [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]],
+        "dist_coefs": [lens],
+        "resolution": [parameters.width_px, parameters.height_px],
+    });
+    Ok(format!("{value:#}\n"))
 }
 
 #[cfg(test)]
