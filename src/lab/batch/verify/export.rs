@@ -158,6 +158,6 @@ mod tests {
         fs::write(&taken, "mine").unwrap();
         assert!(exported(folder.path(), 1000.0).unwrap_err().to_string().contains("image_0003.png"));
         assert_eq!(fs::read_to_string(&taken).unwrap(), "mine");
-        assert!(!folder.path().join(DESCRIPTOR).exists(), "images without a descriptor are no measurement");
+        assert!(!folder.path().join(DESCRIPTOR).exists(), "no descriptor without all of its images");
     }
 }
