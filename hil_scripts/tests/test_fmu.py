@@ -238,7 +238,7 @@ def slew(t_s):
     to_meridian = [math.cos(ra / 2), 0.0, 0.0, -math.sin(ra / 2)]
     tilt = math.pi / 2 - dec
     to_boresight = [math.cos(tilt / 2), 0.0, -math.sin(tilt / 2), 0.0]
-    return product(about_z(math.radians(RATE_DEG_S) * t_s), product(to_boresight, to_meridian))
+    return list(product(about_z(math.radians(RATE_DEG_S) * t_s), product(to_boresight, to_meridian)))
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ import os
 import re
 import tempfile
 import unittest
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy
@@ -78,6 +79,13 @@ class OnThePage(unittest.TestCase):
         self.browser.resize(SIZES[size])
         self.browser.open(run.url + "/")
         until("a picture", lambda: self.value("document.getElementById('frame')?.dataset.number !== undefined"))
+
+    @contextmanager
+    def shown(self, **options):
+        """A run with its page open."""
+        with Run(**options) as run:
+            self.opened(run)
+            yield run
 
     def press(self, key, code=0, shift=False):
         text = {"text": key} if len(key) == 1 else {}

@@ -4,11 +4,11 @@ use crate::live::head::{Board, Head};
 use crate::live::kept::{Picture, latest};
 use crate::live::route::{SharedBoard, lock};
 use crate::live::{HeadParams, Params, lateness::LatenessBins, numbers::Numbers, server::serve, sink::LiveSink};
-use base::{clock::Clock, refused::Refused, time::Span};
+use base::{clock::Clock, time::Span};
 use frames::sink::SentFrame;
 use std::net::{SocketAddr, TcpListener};
 use std::sync::{Arc, Mutex};
-use std::{thread::JoinHandle, time::Duration};
+use std::{io, thread::JoinHandle, time::Duration};
 use tokio::sync::Notify;
 
 /// After the end of a run its totals are served for so long, so that pages and Prometheus see that it is over.
@@ -33,23 +33,25 @@ impl LiveView {
     ///
     /// # Errors
     /// When the list of heads is empty, when the address cannot be used, or when the thread cannot be started.
-    pub fn start(params: Params, clock: Arc<dyn Clock>) -> Result<(Self, Vec<LiveSink>, Numbers), Refused> {
+    pub fn start(params: Params, clock: Arc<dyn Clock>) -> io::Result<(Self, Vec<LiveSink>, Numbers)> {
         if params.heads.is_empty() {
-            return Err(Refused("Params.heads of the live view: got an empty list, wanted at least one camera head; list every head of the run".to_owned()));
+            return Err(io::Error::other(
+                "Params.heads of the live view: got an empty list, wanted at least one camera head; list every head of the run",
+            ));
         }
         let asked = params.address;
-        let refused = |source: std::io::Error| {
-            Refused(format!(
-                "the live view cannot listen at {asked}: {source}; wanted an address of this machine and a free port: \
-                 port 0 takes one"
-            ))
+        let refused = |source: io::Error| {
+            let advice = "wanted an address of this machine and a free port: port 0 takes one";
+            io::Error::new(source.kind(), format!("the live view cannot listen at {asked}: {source}; {advice}"))
+        };
+        let no_thread = |source: io::Error| {
+            let text = format!("the live view's thread cannot be started: {source}; the run goes on without --monitor");
+            io::Error::new(source.kind(), text)
         };
         let listener = TcpListener::bind(asked).map_err(refused)?;
         listener.set_nonblocking(true).map_err(refused)?;
         let address = listener.local_addr().map_err(refused)?;
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(|e| {
-            Refused(format!("the live view's thread cannot be started: {e}; the run goes on without --monitor"))
-        })?;
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(no_thread)?;
         let (board, sinks, numbers) = parts(params, &clock);
         let board: SharedBoard = Arc::new(Mutex::new(board));
         let stop = Arc::new(Notify::new());
@@ -60,9 +62,7 @@ impl LiveView {
             }
         };
         let thread = std::thread::Builder::new().name("live".into()).spawn(move || runtime.block_on(serving));
-        let thread = Some(thread.map_err(|e| {
-            Refused(format!("the live view's thread cannot be started: {e}; the run goes on without --monitor"))
-        })?);
+        let thread = Some(thread.map_err(no_thread)?);
         Ok((Self { address, board, stop, thread }, sinks, numbers))
     }
 
