@@ -1,6 +1,6 @@
 //! The line of sight of a frame: composed from the receiver's histories, with what is said of it.
 //!
-//! In: a slot, the receiver. Out: the line of sight, what the image shows ([`Shown`]), how the frame ends if it goes out
+//! In: a slot, the receiver. Out: the line of sight, what the image shows (`Shown`), how the frame ends if it goes out
 //! on time, the bound of its error, events. Tests: `tests/closed_loop/{attitude,budget,late_jitter}.rs`.
 
 use crate::runtime::error::{Result, RunError};

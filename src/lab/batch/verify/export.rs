@@ -105,8 +105,11 @@ mod tests {
         })
     }
 
+    /// Numbers of images, by their line of light and how many there are.
+    type Series = BTreeMap<(String, usize), Vec<u16>>;
+
     /// Returns the images of each line of light, as the readers of such files take them.
-    fn read(folder: &Path) -> (Vec<String>, BTreeMap<(String, usize), Vec<u16>>) {
+    fn read(folder: &Path) -> (Vec<String>, Series) {
         let (mut head, mut images, mut light) = (Vec::new(), Vec::new(), String::new());
         let mut series = BTreeMap::new();
         let text = fs::read_to_string(folder.join(DESCRIPTOR)).unwrap();
