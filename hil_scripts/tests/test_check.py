@@ -1,7 +1,7 @@
 """Tests of the verdict of `starloop check`: python3 hil_scripts/tests/test_check.py
 
 A bench with any warning is not called sound, each warning names a number and its limit, and `--strict` ends with 4;
-what is shipped is sound, apart from what the list below says of it.
+every shipped bench is sound, except those in the list below, with the warnings that it names.
 """
 
 import contextlib

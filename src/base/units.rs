@@ -3,7 +3,9 @@
 /// Radians in one degree.
 pub const DEG: f64 = core::f64::consts::PI / 180.0;
 /// Radians in one arcsecond.
-pub const ARCSEC: f64 = DEG / 3600.0;
+pub const ARCSEC: f64 = DEG / ARCSEC_PER_DEG;
+/// Arcseconds in a degree.
+pub const ARCSEC_PER_DEG: f64 = 3600.0;
 /// Radians in one milliarcsecond.
 pub const MAS: f64 = ARCSEC / 1000.0;
 /// Kilometres in one metre.

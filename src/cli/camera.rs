@@ -2,14 +2,12 @@
 
 use crate::cli::named::named_camera;
 use anyhow::{Context, Result, bail};
+use base::units::ARCSEC_PER_DEG;
 use clap::{Args, Subcommand, ValueEnum};
 use config::Camera;
 use frames::sink::write_file_atomically;
 use sky::astrometry::{BrownConrady, CameraGeometry, Distortion};
 use std::path::PathBuf;
-
-/// Arcseconds of a degree.
-const ARCSEC_PER_DEG: f64 = 3600.0;
 
 /// Command line of `camera`.
 #[derive(Debug, Args)]

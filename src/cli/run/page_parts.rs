@@ -2,7 +2,7 @@
 
 use crate::cli::run::finished::Finished;
 use base::input_file::{DATA_BYTES, InputFile};
-use base::{image::DnImage, time::Tai, xml::escaped};
+use base::{image::DnImage, time::Tai, units::ARCSEC_PER_DEG, xml::escaped};
 use core::fmt::Write;
 use frames::report::plot::{Axis, Chart, Series, Style, to_svg};
 use frames::sink::{fits::FitsImage, png::write_dn_for_people, recorder::frame_path};
@@ -16,7 +16,6 @@ use std::path::{Path, PathBuf};
 const SCHEMA: &str = "<meta name=\"starloop-schema\" content=\"starloop.run_page/1\">\n";
 /// Most points of the chart of the boresight.
 const MOST_POINTS: usize = 400;
-const ARCSEC_PER_DEG: f64 = 3600.0;
 
 /// Returns a page that begins with a verdict: its first line has it as title, its first words are the heading.
 pub(crate) fn begun(verdict: &str, is_good: bool) -> Page {

@@ -46,7 +46,7 @@ pub use progress_numbers::{
 pub use sink_line::SinkLine;
 pub use stages::{Stage, StageHistograms, StageTimes};
 pub use summary::{EventLine, FrameCounts, GatewayRow, LinkCounts, RunSummary};
-pub use table::{NEWEST_MAX, NewestEvent, NewestEvents, short_table, summary_table};
+pub use table::{NEWEST_MAX, NewestEvent, NewestEvents, OF_OTHER_NODES, short_table, summary_table};
 pub use time_tally::TimeTally;
 pub use timeline::timeline_svg;
 pub use verdict::{Reason, RunLimits, RunVerdict, RunWord};

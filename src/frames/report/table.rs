@@ -13,7 +13,7 @@ const NAME_WIDTH: usize = 22;
 const NUMBER_WIDTH: usize = 11;
 
 /// Count of messages of other nodes of a shared bus, of each port.
-const FOREIGN: &str = "messages_of_other_nodes";
+pub const OF_OTHER_NODES: &str = "messages_of_other_nodes";
 /// Time marks of accepted messages that the clock's estimate leaves out.
 const MARKS: [&str; 2] = ["late_time_mark", "outlier_time_mark"];
 
@@ -45,7 +45,7 @@ pub fn short_table(s: &RunSummary) -> String {
     ];
     let counts: Vec<String> = counts.iter().filter(|(_, n)| *n > 0).map(|(name, n)| format!(", {n} {name}")).collect();
     let named = |names: &[&str]| names.iter().filter_map(|name| s.link.rejects.get(*name)).sum::<u64>();
-    let of_others = s.link.counters.iter().filter(|(name, _)| name.ends_with(FOREIGN));
+    let of_others = s.link.counters.iter().filter(|(name, _)| name.ends_with(OF_OTHER_NODES));
     let (foreign, unused) = (of_others.map(|(_, count)| *count).sum(), named(&MARKS));
     let rejected = s.link.rejects.values().sum::<u64>() - unused;
     let others = [(foreign, "of other nodes"), (unused, "time marks unused")];

@@ -8,7 +8,7 @@ use crate::runtime::ledger::{Event, EventKind, Ledger};
 use base::time::{Span, Tai};
 use core::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use firmware_protocol::Reject;
-use frames::report::{NAMES_MAX, PortCounts};
+use frames::report::{NAMES_MAX, OF_OTHER_NODES, PortCounts};
 use link::plain::{PlainReject, RefusedMessage};
 use link::{LinkCounters, Port};
 use std::sync::OnceLock;
@@ -60,9 +60,6 @@ const fn always(name: &'static str, place: fn(&mut PortReading) -> &mut u64) -> 
 const fn sometimes(name: &'static str, place: fn(&mut PortReading) -> &mut u64) -> Count {
     Count { name, is_always_reported: false, place }
 }
-
-/// Count of messages whose identifier is not the bench's: they are of other nodes of a shared bus.
-const OF_OTHER_NODES: &str = "messages_of_other_nodes";
 
 /// Counters of a port so far.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
