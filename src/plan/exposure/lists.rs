@@ -105,11 +105,15 @@ pub fn give(plan: &mut ExposurePlan, share: &Share, buffers: &Buffers) {
     let ExposurePlan { stars, nodes, lists, classes, extent_px, camera, whole, .. } = plan;
     let whole_from_e = &whole.from_e;
     let (Some((last, brighter)), extent_px) = (gives.split_last(), *extent_px) else { return };
+    let clear = share.clear_of_edges(extent_px);
     for_each_star(stars, |star| {
         let class = brighter.iter().zip(&*classes).find(|(_, class)| star.electrons >= class.faintest_e);
         star.list = class.map_or(last, |(give, _)| give).list(star, camera, used);
-        let nodes = lists.get(star.list as usize).map_or(&nodes[..0], |list| &nodes[list.nodes.clone()]);
-        star.electrons_on_detector = star.drawn_e * share.on_detector(star, camera, nodes, extent_px);
+        let light = clear.as_ref().and_then(|clear| clear.light_at(star.mean_px)).unwrap_or_else(|| {
+            let nodes = lists.get(star.list as usize).map_or(&nodes[..0], |list| &nodes[list.nodes.clone()]);
+            share.on_detector(star, camera, nodes, extent_px)
+        });
+        star.electrons_on_detector = star.drawn_e * light;
         if star.electrons >= *whole_from_e {
             star.electrons_on_detector *= share.whole_gain(star);
         }

@@ -3,7 +3,7 @@
 //! [`crate::optics::illumination`]). Uses all cores; the order of sources is kept, so a repeated plan is the same for
 //! any number of threads.
 //!
-//! *Blocks.* Directions -> places and mean places, eight stars at a time: the vector form of `place` for single stars.
+//! *Blocks.* Directions -> places and mean places, eight stars at a time: the vector form of `place_one`.
 //!
 //! Domain: a lens without distortion and one mean pose for all rows (a global shutter, or a still image), where it is
 //! the same arithmetic; otherwise stars are placed one by one. Test: `blocks_place_as_single_stars_do` in `place`.
@@ -18,7 +18,7 @@ use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 use sky::astrometry::CameraGeometry;
 
-/// Number of stars one thread takes at a time.
+/// Smallest number of stars that is worth a thread.
 const CHUNK: usize = 1024;
 /// Place of a star that leaves no light on the detector.
 const NOWHERE: [f64; 2] = [f64::NAN; 2];
@@ -57,7 +57,7 @@ pub(super) struct Lit<'a> {
 
 /// Replaces `stars` by those of all sources whose light can reach the detector: mean place within its margin of it. A
 /// star is out of sight when its direction is outside the camera's domain. `seen` is a buffer for the number of stars
-/// of every chunk.
+/// of every part of the sources.
 pub(super) fn place_stars(
     sources: &[Source],
     lit: Lit<'_>,
@@ -66,32 +66,40 @@ pub(super) fn place_stars(
     margins: Margins,
     (stars, seen): (&mut Vec<PlannedStar>, &mut Vec<usize>),
 ) -> Brightness {
-    // Not cleared: every star is overwritten.
-    stars.resize(sources.len(), EMPTY);
-    seen.resize(sources.len().div_ceil(CHUNK), 0);
-    let (blocks, arch) = (BlockPlacer::new(lit.camera, los, means, margins), Arch::new());
-    let chunk = |((stars, seen), sources): ((&mut [PlannedStar], &mut usize), &[Source])| {
-        let mut placed = Placed { stars, seen: 0, brightness: Brightness::NONE, from_e: margins.from_e };
-        // Sources with pixel places are few, and are not mixed with others.
-        let is_icrf = |source: &Source| matches!(source.place, SourcePlace::Icrf(_));
+    let (blocks, arch) = (BlockPlacer::new(lit.camera, los, means), Arch::new());
+    // Sources with pixel places are few, and are not mixed with others.
+    let is_icrf = |source: &Source| matches!(source.place, SourcePlace::Icrf(_));
+    let place = |sources: &[Source], stars: &mut [PlannedStar]| {
+        let mut placed = Placed { stars, seen: 0, brightness: Brightness::NONE, margins };
         let in_blocks = blocks.filter(|_| sources.iter().all(is_icrf));
         let (eights, rest) = sources.as_chunks::<STARS>();
         if let Some(placer) = in_blocks {
             arch.dispatch(PlaceBlocks { placer, sources: eights, lit, placed: &mut placed });
         }
         let single = if in_blocks.is_some() { rest } else { sources };
-        single.iter().for_each(|source| placed.push(place(source, lit, los, means, margins)));
-        *seen = placed.seen;
-        placed.brightness
+        for star in single.iter().filter_map(|source| place_one(source, lit, los, means, margins)) {
+            placed.push(star.electrons, || star);
+        }
+        (placed.seen, placed.brightness)
+    };
+    // One part for each thread: stars behind a gap are moved, by one thread.
+    let part = sources.len().div_ceil(rayon::current_num_threads()).next_multiple_of(STARS).max(CHUNK);
+    // Not cleared: every star is overwritten.
+    stars.resize(sources.len(), EMPTY);
+    seen.resize(sources.len().div_ceil(part), 0);
+    let place_part = |((stars, seen), sources): ((&mut [PlannedStar], &mut usize), &[Source])| {
+        let (number, brightness) = place(sources, stars);
+        *seen = number;
+        brightness
     };
     let found = if let [seen] = seen.as_mut_slice() {
-        chunk(((stars, seen), sources))
+        place_part(((stars, seen), sources))
     } else {
-        let chunks = stars.par_chunks_mut(CHUNK).zip(&mut *seen).zip(sources.par_chunks(CHUNK));
-        chunks.map(chunk).reduce(|| Brightness::NONE, Brightness::and)
+        let parts = stars.par_chunks_mut(part).zip(&mut *seen).zip(sources.par_chunks(part));
+        parts.map(place_part).reduce(|| Brightness::NONE, Brightness::and)
     };
     let mut end = 0;
-    for (first, seen) in (0..).step_by(CHUNK).zip(&*seen) {
+    for (first, seen) in (0..).step_by(part).zip(&*seen) {
         if end < first {
             stars.copy_within(first..first + seen, end);
         }
@@ -110,27 +118,27 @@ pub(super) fn for_each_star(stars: &mut [PlannedStar], work: impl Fn(&mut Planne
     }
 }
 
-/// The visible stars of a chunk, at its front.
+/// The visible stars of a part of the sources, at its front.
 struct Placed<'a> {
     stars: &'a mut [PlannedStar],
     seen: usize,
     brightness: Brightness,
-    from_e: f64,
+    margins: Margins,
 }
 
 impl Placed<'_> {
+    /// Adds a visible star; `star` is written where it stays.
     #[inline(always)]
-    fn push(&mut self, star: PlannedStar) {
-        if !star.mean_px[0].is_nan() {
-            self.stars[self.seen] = star;
-            self.seen += 1;
-            let (electrons, whole) = (star.electrons, usize::from(star.electrons >= self.from_e));
-            self.brightness = self.brightness.and(Brightness { most_e: electrons, least_e: electrons, whole });
-        }
+    fn push(&mut self, electrons: f64, star: impl FnOnce() -> PlannedStar) {
+        let Some(slot) = self.stars.get_mut(self.seen) else { return };
+        *slot = star();
+        self.seen += 1;
+        let whole = usize::from(electrons >= self.margins.from_e);
+        self.brightness = self.brightness.and(Brightness { most_e: electrons, least_e: electrons, whole });
     }
 }
 
-/// Blocks of a chunk, in the form that `pulp` compiles once per vector level.
+/// Blocks of a part, in the form that `pulp` compiles once per vector level.
 struct PlaceBlocks<'a, 'b> {
     placer: BlockPlacer,
     sources: &'a [[Source; STARS]],
@@ -153,15 +161,14 @@ impl NullaryFnOnce for PlaceBlocks<'_, '_> {
             }
             let places = self.placer.place(&directions);
             for (k, source) in sources.iter().enumerate() {
-                if places.in_reach[k] {
-                    let tangent = DVec2::new(places.tangent[0][k], places.tangent[1][k]);
-                    let place = StarPlace { mid_px: [places.mid_px[0][k], places.mid_px[1][k]], tangent };
-                    let mean_px = [places.mean_px[0][k], places.mean_px[1][k]];
-                    let star = star_at(source, place, mean_px, self.lit);
-                    if places.in_sight[k] || star.electrons >= self.placed.from_e {
-                        self.placed.push(star);
-                    }
-                }
+                let tangent = DVec2::new(places.tangent[0][k], places.tangent[1][k]);
+                let Some(electrons) = self.placed.margins.seen_e(places.outside_px[k], source, tangent, self.lit)
+                else {
+                    continue;
+                };
+                let place = StarPlace { mid_px: [places.mid_px[0][k], places.mid_px[1][k]], tangent };
+                let mean_px = [places.mean_px[0][k], places.mean_px[1][k]];
+                self.placed.push(electrons, || star_at(source, electrons, place, mean_px));
             }
         }
     }
@@ -169,8 +176,7 @@ impl NullaryFnOnce for PlaceBlocks<'_, '_> {
 
 /// Returns the star of a visible source.
 #[inline(always)]
-fn star_at(source: &Source, place: StarPlace, mean_px: [f64; 2], lit: Lit<'_>) -> PlannedStar {
-    let electrons = source.electrons * lit.illumination.at(place.tangent);
+fn star_at(source: &Source, electrons: f64, place: StarPlace, mean_px: [f64; 2]) -> PlannedStar {
     PlannedStar { id: source.id, mag: source.mag, electrons, drawn_e: electrons, place, mean_px, ..EMPTY }
 }
 
@@ -185,31 +191,26 @@ const EMPTY: PlannedStar = PlannedStar {
     list: 0,
 };
 
+/// Returns the star of a source; `None` when it leaves no light on the detector.
 #[inline(always)]
-fn place(source: &Source, lit: Lit<'_>, los: &LosPath, means: &MeanField, margins: Margins) -> PlannedStar {
+fn place_one(source: &Source, lit: Lit<'_>, los: &LosPath, means: &MeanField, margins: Margins) -> Option<PlannedStar> {
     let camera = lit.camera;
     let place = match source.place {
         SourcePlace::Icrf(direction) => StarPlace::of_direction(camera, los.mid_sensor_from_icrf.apply(direction)),
         SourcePlace::Pixel(px) => StarPlace::of_pixel(camera, px),
-    };
-    let Some(place) = place else { return EMPTY };
-    let is_within = |[x, y]: [f64; 2], margin_px: f64| {
-        let inside = |v: f64, size: usize| v > -margin_px && v < size as f64 - 1.0 + margin_px;
-        inside(x, camera.width_px()) && inside(y, camera.height_px())
-    };
+    }?;
+    let last_px = last_px(camera);
     let seen = |mean_px: [f64; 2]| {
-        let star = is_within(mean_px, margins.whole_px).then(|| star_at(source, place, mean_px, lit))?;
-        (star.electrons >= margins.from_e || is_within(mean_px, margins.ordinary_px)).then_some(star)
+        let electrons = margins.seen_e(outside_px(mean_px, last_px), source, place.tangent, lit)?;
+        Some(star_at(source, electrons, place, mean_px))
     };
     if means.is_still() {
-        return seen(place.mid_px).unwrap_or(EMPTY);
+        return seen(place.mid_px);
     }
     let track = StarTrack::new(camera, place);
     let [dx, dy] = means.displacement_px(&track);
-    let mean_px = [place.mid_px[0] + dx, place.mid_px[1] + dy];
-    let Some(mut star) = seen(mean_px) else { return EMPTY };
-    star.drawn_e *= means.rolling_gain(&track);
-    star
+    let star = seen([place.mid_px[0] + dx, place.mid_px[1] + dy])?;
+    Some(PlannedStar { drawn_e: star.drawn_e * means.rolling_gain(&track), ..star })
 }
 
 /// Distances from the detector within which the light of stars can reach it.
@@ -221,6 +222,31 @@ pub(super) struct Margins {
     pub(super) whole_px: f64,
     /// Electrons from which on a star may be drawn whole.
     pub(super) from_e: f64,
+}
+
+impl Margins {
+    /// Returns the electrons of a source at `tangent` if it leaves light on the detector from `outside_px` beyond it.
+    #[inline(always)]
+    fn seen_e(&self, outside_px: f64, source: &Source, tangent: DVec2, lit: Lit<'_>) -> Option<f64> {
+        if outside_px >= self.whole_px {
+            return None;
+        }
+        let electrons = source.electrons * lit.illumination.at(tangent);
+        (outside_px < self.ordinary_px || electrons >= self.from_e).then_some(electrons)
+    }
+}
+
+/// Returns the place of the last pixel.
+fn last_px(camera: &CameraGeometry) -> [f64; 2] {
+    [camera.width_px(), camera.height_px()].map(|side| side as f64 - 1.0)
+}
+
+/// Returns how far a place is outside the pixels' centres, px; negative within. The larger one of both axes.
+#[inline(always)]
+fn outside_px([x, y]: [f64; 2], [last_x, last_y]: [f64; 2]) -> f64 {
+    // Of two numbers, one instruction; `f64::max` also looks for NaN.
+    let larger = |a: f64, b: f64| if a > b { a } else { b };
+    larger(larger(-x, x - last_x), larger(-y, y - last_y))
 }
 
 /// Number of stars in a block.
@@ -240,17 +266,14 @@ pub(super) struct BlockPlacer {
     domain_squared: f64,
     pose: Pose,
     correction: Correction,
-    /// Limits of visible mean places: above the first and below the second; of ordinary stars, and of whole ones.
-    sight_px: [[f64; 2]; 2],
-    reach_px: [[f64; 2]; 2],
+    last_px: [f64; 2],
 }
 
-/// Places of eight stars; values of stars that are not in sight are undefined.
+/// Places of eight stars; other values of stars that are infinitely far outside are undefined.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Places {
-    pub(super) in_sight: [bool; STARS],
-    /// In sight if they are drawn whole.
-    pub(super) in_reach: [bool; STARS],
+    /// Distance of the mean places outside the detector, px (infinite: not imaged).
+    pub(super) outside_px: Eight,
     pub(super) tangent: [Eight; 2],
     pub(super) mid_px: [Eight; 2],
     pub(super) mean_px: [Eight; 2],
@@ -258,15 +281,13 @@ pub(super) struct Places {
 
 impl BlockPlacer {
     /// Returns a placer for one exposure; `None` outside the domain.
-    pub(super) fn new(camera: &CameraGeometry, los: &LosPath, means: &MeanField, margins: Margins) -> Option<Self> {
+    pub(super) fn new(camera: &CameraGeometry, los: &LosPath, means: &MeanField) -> Option<Self> {
         let (pose, correction) = means.same_for_all_rows()?;
         if camera.is_distorted() {
             return None;
         }
         let parameters = camera.parameters();
         let inverse = los.mid_sensor_from_icrf.inverse();
-        let last = [camera.width_px(), camera.height_px()].map(|side| side as f64 - 1.0);
-        let within = |margin_px: f64| [[-margin_px; 2], last.map(|last| last + margin_px)];
         Some(Self {
             rows: [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| inverse.apply(axis)),
             focal_px: parameters.focal_px,
@@ -274,8 +295,7 @@ impl BlockPlacer {
             domain_squared: camera.largest_tangent().powi(2),
             pose,
             correction,
-            sight_px: within(margins.ordinary_px),
-            reach_px: within(margins.whole_px),
+            last_px: last_px(camera),
         })
     }
 
@@ -283,8 +303,7 @@ impl BlockPlacer {
     #[inline(always)]
     pub(super) fn place(&self, [x, y, z]: &[Eight; 3]) -> Places {
         let mut places = Places {
-            in_sight: [false; STARS],
-            in_reach: [false; STARS],
+            outside_px: [f64::INFINITY; STARS],
             tangent: [[0.0; STARS]; 2],
             mid_px: [[0.0; STARS]; 2],
             mean_px: [[0.0; STARS]; 2],
@@ -292,6 +311,7 @@ impl BlockPlacer {
         let [row_x, row_y, row_z] = self.rows;
         let [cx, cy] = self.centre_px;
         let [fx, fy] = self.focal_px;
+        let mut is_imaged = [false; STARS];
         for k in 0..STARS {
             let along = |row: DVec3| row.x * x[k] + row.y * y[k] + row.z * z[k];
             let forward = along(row_z);
@@ -301,16 +321,12 @@ impl BlockPlacer {
             places.mid_px[0][k] = cx + fx * u;
             places.mid_px[1][k] = cy + fy * v;
             // A direction behind the camera, or beyond the domain, is not imaged.
-            places.in_sight[k] = (forward > 0.0) & (u * u + v * v <= self.domain_squared);
+            is_imaged[k] = (forward > 0.0) & (u * u + v * v <= self.domain_squared);
         }
         self.mean(&mut places);
-        let is_within = |x: f64, y: f64, [[left, top], [right, bottom]]: [[f64; 2]; 2]| {
-            (x > left) & (x < right) & (y > top) & (y < bottom)
-        };
         for k in 0..STARS {
-            let (x, y) = (places.mean_px[0][k], places.mean_px[1][k]);
-            places.in_reach[k] = places.in_sight[k] & is_within(x, y, self.reach_px);
-            places.in_sight[k] &= is_within(x, y, self.sight_px);
+            let outside_px = outside_px([places.mean_px[0][k], places.mean_px[1][k]], self.last_px);
+            places.outside_px[k] = if is_imaged[k] { outside_px } else { f64::INFINITY };
         }
         places
     }
@@ -399,12 +415,12 @@ mod tests {
             let mut means = MeanField::new(&camera);
             means.measure(&motion, shutter, &probes);
             let lit = Lit { camera: &camera, illumination: &illumination };
-            assert_eq!(BlockPlacer::new(&camera, &motion.los, &means, MARGINS).is_some(), in_blocks, "{moves} {k1}");
+            assert_eq!(BlockPlacer::new(&camera, &motion.los, &means).is_some(), in_blocks, "{moves} {k1}");
             let sources = sources(&motion);
             let (mut stars, mut seen) = (Vec::new(), Vec::new());
             let found = place_stars(&sources, lit, &motion.los, &means, MARGINS, (&mut stars, &mut seen));
-            let single = |source: &Source| place(source, lit, &motion.los, &means, MARGINS);
-            let wanted: Vec<_> = sources.iter().map(single).filter(|star| !star.mean_px[0].is_nan()).collect();
+            let single = |source: &Source| place_one(source, lit, &motion.los, &means, MARGINS);
+            let wanted: Vec<_> = sources.iter().filter_map(single).collect();
             let ids = |stars: &[PlannedStar]| stars.iter().map(|star| star.id).collect::<Vec<_>>();
             assert_eq!(ids(&stars), ids(&wanted), "the same stars, in source order");
             assert!((400..3000).contains(&stars.len()), "control: {} in sight, others not", stars.len());

@@ -47,7 +47,7 @@ pub struct Planner {
     is_exact: bool,
     /// Buffer for the stars' electrons.
     brightness_e: Vec<f64>,
-    /// Buffer for the numbers of stars in sight, chunk by chunk of the sources.
+    /// Buffer for the numbers of stars in sight, part by part of the sources.
     seen: Vec<usize>,
 }
 

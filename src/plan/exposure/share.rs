@@ -47,8 +47,13 @@ impl Share {
         )
     }
 
+    /// Returns where no edge takes light of a star whose path reaches `extent_px`; `None` for a field of PSFs.
+    pub fn clear_of_edges(&self, extent_px: f64) -> Option<Clear> {
+        let node = self.nodes.first().filter(|_| self.field.is_none())?;
+        Some(Clear { limits_px: node.limits_px(extent_px), light: node.footprint })
+    }
+
     /// Returns the share of `star`'s electrons on the detector.
-    #[inline]
     pub fn on_detector(&self, star: &PlannedStar, camera: &CameraGeometry, nodes: &[PathNode], extent_px: f64) -> f64 {
         let on = |node: usize| self.nodes[node].on_detector(star, camera, nodes, extent_px);
         match &self.field {
@@ -58,6 +63,23 @@ impl Share {
                 around.map(|(node, share)| share * on(node)).sum()
             }
         }
+    }
+}
+
+/// The places of stars whose footprints no edge cuts, and the share of their light on the detector.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Clear {
+    /// By axis, the first place and the last.
+    limits_px: [[f64; 2]; 2],
+    light: f64,
+}
+
+impl Clear {
+    /// Returns the share of the light of a star at `px`; `None` near an edge.
+    #[inline]
+    pub fn light_at(&self, px: [f64; 2]) -> Option<f64> {
+        let is_clear = |axis: usize| px[axis] >= self.limits_px[axis][0] && px[axis] <= self.limits_px[axis][1];
+        (is_clear(0) & is_clear(1)).then_some(self.light)
     }
 }
 
@@ -97,11 +119,15 @@ impl NodeShare {
         }
     }
 
-    #[inline]
-    fn on_detector(&self, star: &PlannedStar, camera: &CameraGeometry, nodes: &[PathNode], extent_px: f64) -> f64 {
+    /// Returns by axis the first and the last place from which no path of `extent_px` takes light across an edge.
+    fn limits_px(&self, extent_px: f64) -> [[f64; 2]; 2] {
         let margin = self.half_px as f64 + 1.0 + extent_px;
-        let well_inside = |v: f64, size: usize| v >= margin && v <= size as f64 - 1.0 - margin;
-        let clear = [0, 1].map(|axis| well_inside(star.mean_px[axis], self.size_px[axis]));
+        self.size_px.map(|size| [margin, size as f64 - 1.0 - margin])
+    }
+
+    fn on_detector(&self, star: &PlannedStar, camera: &CameraGeometry, nodes: &[PathNode], extent_px: f64) -> f64 {
+        let limits_px = self.limits_px(extent_px);
+        let clear = [0, 1].map(|axis| (limits_px[axis][0]..=limits_px[axis][1]).contains(&star.mean_px[axis]));
         if clear == [true; 2] {
             return self.footprint;
         }
