@@ -16,8 +16,9 @@ use rayon::prelude::*;
 
 /// Rows of one band.
 pub(super) const BAND_ROWS: usize = 64;
-/// Stars one thread sorts at a time.
+/// Stars one thread sorts at a time, at most; and at least where there are so many.
 const CHUNK: usize = 4096;
+const LEAST_CHUNK: usize = 1024;
 /// Number of chunks that are allocated from the start.
 const CHUNKS_RESERVED: usize = 4;
 /// Number of lists of nodes that are allocated from the start, and nodes in each: those of the bands of a rolling shutter, in a
@@ -107,7 +108,9 @@ impl Bands {
         table_of: impl Fn(usize) -> u32 + Sync,
     ) {
         self.fill_nodes(plan);
-        self.used = plan.stars.len().div_ceil(CHUNK);
+        let parts = rayon::current_num_threads().min(CHUNKS_RESERVED);
+        let length = plan.stars.len().div_ceil(parts).clamp(LEAST_CHUNK, CHUNK);
+        self.used = plan.stars.len().div_ceil(length);
         let bands = self.bands;
         if self.chunks.len() < self.used {
             self.chunks.resize_with(self.used, || chunk(bands));
@@ -126,9 +129,9 @@ impl Bands {
             }
         };
         if self.used == 1 {
-            self.chunks.iter_mut().zip(plan.stars.chunks(CHUNK)).for_each(fill);
+            self.chunks.iter_mut().zip(plan.stars.chunks(length)).for_each(fill);
         } else {
-            self.chunks[..self.used].par_iter_mut().zip(plan.stars.par_chunks(CHUNK)).for_each(fill);
+            self.chunks[..self.used].par_iter_mut().zip(plan.stars.par_chunks(length)).for_each(fill);
         }
     }
 

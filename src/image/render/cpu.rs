@@ -303,11 +303,8 @@ impl Draw<'_> {
         let mut down = [0.0_f32; BLOCK * LANES + LANES];
         let half = self.half_px as f32 + 0.5;
         for k in 0..splats.count {
-            let (x, y) = (half + splats.x[k], half + splats.y[k]);
-            for lane in 0..LANES {
-                across[k * stride + lane] = lane as f32 - x;
-                down[k * stride + lane] = lane as f32 - y;
-            }
+            set_edges(&mut across, k * stride, half + splats.x[k]);
+            set_edges(&mut down, k * stride, half + splats.y[k]);
         }
         let end = (splats.count * stride).next_multiple_of(LANES);
         self.profile.apply::<FUSED>(&mut across[..end]);
@@ -333,6 +330,25 @@ impl Draw<'_> {
             add_separable::<FUSED>(band, top, splats.column[k] - self.half_px, used, &line, &gains);
         }
     }
+}
+
+/// Sets a vector of pixel edges from `at`: their distances from a star that lies `star_px` behind the first.
+#[inline(always)]
+fn set_edges(edges: &mut [f32], at: usize, star_px: f32) {
+    const NUMBERS: [f32; LANES] = numbers();
+    if let Some(edges) = edges.get_mut(at..).and_then(<[f32]>::first_chunk_mut::<LANES>) {
+        *edges = core::array::from_fn(|lane| NUMBERS[lane] - star_px);
+    }
+}
+
+/// Returns the numbers from 0.
+const fn numbers() -> [f32; LANES] {
+    let (mut numbers, mut lane) = ([0.0; LANES], 0);
+    while lane < LANES {
+        numbers[lane] = lane as f32;
+        lane += 1;
+    }
+    numbers
 }
 
 /// Adds the outer product of a row and `gains` from row `top` of the band.
