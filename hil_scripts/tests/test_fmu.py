@@ -1,16 +1,19 @@
 """Tests of `starloop fmu` with FMPy: python3 hil_scripts/tests/test_fmu.py
 
-A unit is validated and simulated by another program. Its frames show the attitudes that were set, compared with the formula
-of a slew written here; two runs give the same bits; a conjugated quaternion does not. STARLOOP_BINARY names the program
-(default target/release/starloop), beside which libstarloop_fmu_library.so lies. Needs fmpy and numpy.
+A unit of FMI 3 and one of FMI 2 are validated and simulated by another program. Their frames show the attitudes that were
+set, compared with the formula of a slew written here; two runs give the same bits, also in the other version; a conjugated
+quaternion does not. STARLOOP_BINARY names the program (default target/release/starloop). Needs fmpy and numpy.
 """
 
 import csv
 import math
+import os
+import signal
 import unittest
 import zlib
 
 from fmpy import extract, read_model_description, simulate_fmu
+from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
 from fmpy.model_description import ValidationError
 from fmpy.validation import validate_fmu
@@ -72,6 +75,11 @@ def started(test, model, unzipped, out, **parameters):
     return slave
 
 
+def children():
+    """The programs that this process has started and that still run."""
+    return {int(pid) for pid in open(f"/proc/self/task/{os.getpid()}/children").read().split()}
+
+
 class Unit(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
@@ -80,6 +88,8 @@ class Unit(unittest.TestCase):
         (cls.here / "bench.toml").write_text(BENCH)
         cls.fmu = cls.here / "bench.fmu"
         starloop("fmu", cls.here / "bench.toml", "--out", cls.fmu, status=0)
+        cls.fmu2 = cls.here / "bench of FMI 2.fmu"
+        starloop("fmu", cls.here / "bench.toml", "--fmi", 2, "--out", cls.fmu2, status=0)
         cls.model = read_model_description(str(cls.fmu))
         cls.references = {variable.name: variable.valueReference for variable in cls.model.modelVariables}
         cls.unzipped = extract(str(cls.fmu))
@@ -110,8 +120,83 @@ class Unit(unittest.TestCase):
         self.assertGreater(len(seen), 10)
         return max(angle_rad(q, slew(t_s)) for t_s, q, _ in seen) / ARCSEC
 
-    def test_the_unit_is_valid(self):
+    def fly2(self, out, attitude_at, steps=100):
+        """Flies steps of a slew with the unit of FMI 2; returns what `fly` returns."""
+        model = read_model_description(str(self.fmu2))
+        names = {variable.name: variable.valueReference for variable in model.modelVariables}
+        of = lambda name, count: [names[f"{name}[{place + 1}]"] for place in range(count)]
+        slave = FMU2Slave(
+            instanceName="two",
+            guid=model.guid,
+            unzipDirectory=extract(str(self.fmu2)),
+            modelIdentifier=model.coSimulation.modelIdentifier,
+        )
+        slave.instantiate()
+        self.addCleanup(slave.freeInstance)
+        slave.setupExperiment(startTime=0.0)
+        slave.setString([names["output_dir"]], [str(out)])
+        slave.enterInitializationMode()
+        slave.exitInitializationMode()
+        seen, frames = [], 0
+        slave.setReal(of("rate", 3), [0.0, 0.0, math.radians(RATE_DEG_S)])
+        for step in range(steps):
+            slave.setReal(of("q_body_from_icrf", 4), attitude_at(step * STEP_S))
+            slave.doStep(step * STEP_S, STEP_S)
+            counter = slave.getInteger([names["frame_counter"]])[0]
+            if counter > frames:
+                frames = counter
+                stars = slave.getInteger([names["star_count"]])[0]
+                seen.append((slave.getReal([names["mid_exposure"]])[0], slave.getReal(of("true_q_sensor_from_icrf", 4)), stars))
+        self.assertEqual(slave.getInteger([names["refused_samples"]]), [0])
+        with self.assertRaises(Exception):
+            slave.getFMUState()
+        slave.terminate()
+        return seen
+
+    def test_the_units_are_valid(self):
         self.assertEqual(validate_fmu(str(self.fmu)), [])
+        self.assertEqual(validate_fmu(str(self.fmu2)), [])
+        self.assertEqual((self.model.fmiVersion, read_model_description(str(self.fmu2)).fmiVersion), ("3.0", "2.0"))
+
+    def test_both_versions_say_and_draw_the_same(self):
+        def images(name):
+            return [zlib.crc32(path.read_bytes()[-131072:]) for path in sorted((self.here / name).rglob("*.fits"))]
+
+        three, two = self.fly(self.here / "three", slew), self.fly2(self.here / "two", slew)
+        self.assertEqual(three, two)
+        self.assertLess(self.worst_arcsec(two), 1e-6)
+        self.assertEqual(images("three"), images("two"))
+        self.assertGreater(len(images("two")), 10)
+        other = self.fly2(self.here / "another two", lambda t_s: slew(1.01 * t_s))
+        self.assertNotEqual(three, other, "control: another slew")
+
+    def test_fmpy_simulates_the_unit_of_fmi_2(self):
+        out = self.here / "simulated two"
+        attitude = {f"q_body_from_icrf[{place}]": value for place, value in enumerate(slew(0.0), 1)}
+        result = simulate_fmu(
+            str(self.fmu2),
+            start_values={"output_dir": str(out), **attitude},
+            stop_time=1.0,
+            step_size=0.1,
+            output_interval=0.1,
+            output=["frame_counter", "star_count", "true_jitter[1]"],
+        )
+        self.assertGreaterEqual(result["frame_counter"][-1], 8)
+        self.assertGreater(result["star_count"][-1], 5)
+        self.assertEqual(result["true_jitter[1]"][-1], 0.0)
+        self.assertTrue(list(out.rglob("*.fits")))
+
+    def test_the_end_of_the_program_is_an_error_and_nothing_is_left_running(self):
+        before = children()
+        slave = self.start(self.here / "killed")
+        slave.setFloat64([self.references["q_body_from_icrf"]], slew(0.0))
+        slave.doStep(0.0, STEP_S)
+        (started,) = children() - before
+        os.kill(started, signal.SIGKILL)
+        with self.assertRaises(Exception):
+            slave.doStep(STEP_S, STEP_S)
+        self.doCleanups()
+        self.assertEqual(children(), before)
 
     def test_a_damaged_unit_is_not_valid(self):
         import shutil
@@ -189,20 +274,42 @@ class Unit(unittest.TestCase):
         self.assertGreater(result["star_count"][-1], 5)
         self.assertTrue(list(out.rglob("*.fits")))
 
-    def test_jitter_of_the_run_files_flight_computer_is_left_out(self):
+    def jittered(self, name, more, **inputs):
+        """Flies a unit of the bench with further lines; returns checksums of its images, and the last jitter it drew."""
+        (self.here / f"{name}.toml").write_text(BENCH + more)
+        unit, out = self.here / f"{name}.fmu", self.here / f"frames of {name}"
+        said = starloop("fmu", self.here / f"{name}.toml", "--out", unit, status=0).stdout
+        result = simulate_fmu(
+            str(unit),
+            start_values={"output_dir": str(out), "q_body_from_icrf": slew(0.0), **inputs},
+            stop_time=1.0,
+            step_size=0.1,
+            output_interval=0.1,
+            output=["frame_counter", "true_jitter"],
+        )
+        files = sorted(out.rglob("*.fits"))
+        self.assertGreater(len(files), 5)
+        return [zlib.crc32(path.read_bytes()[-131072:]) for path in files], list(result["true_jitter"][-1]), said
+
+    def test_an_importer_that_sets_no_jitter_gets_none(self):
         lines = "[[flight_computer.jitter_line]]\nfrequency_hz = 0.8\namplitude_arcsec = [400.0, 300.0, 600.0]\nphase_deg = 20.0\n"
+        images, jitter, said = self.jittered("jitter", lines)
+        self.assertIn("lines of the simulated flight computer are left out (1)", said)
+        still, none, quiet = self.jittered("rest", "")
+        self.assertEqual((images, jitter, none), (still, [0.0] * 3, [0.0] * 3))
+        self.assertNotIn("jitter", quiet)
 
-        def images(name, more):
-            (self.here / f"{name}.toml").write_text(BENCH + more)
-            unit, out = self.here / f"{name}.fmu", self.here / f"frames of {name}"
-            starloop("fmu", self.here / f"{name}.toml", "--out", unit, status=0)
-            attitude = {"output_dir": str(out), "q_body_from_icrf": slew(0.0)}
-            simulate_fmu(str(unit), start_values=attitude, stop_time=1.0, step_size=0.1, output_interval=0.1, output=["frame_counter"])
-            files = sorted(out.rglob("*.fits"))
-            self.assertGreater(len(files), 5)
-            return [zlib.crc32(path.read_bytes()[-131072:]) for path in files]
-
-        self.assertEqual(images("jitter", lines), images("rest", ""))
+    def test_jitter_that_is_asked_for_is_drawn_and_reported(self):
+        still, _, _ = self.jittered("no jitter", "")
+        images, jitter, _ = self.jittered("set", "", jitter=[0.0, 2e-4, 0.0])
+        self.assertNotEqual(images, still)
+        self.assertLess(math.dist(jitter, [0.0, 2e-4, 0.0]), 1e-12)
+        rows = "".join(f"{0.1 * k:.1f},41.253,0\n" for k in range(60))
+        (self.here / "series.csv").write_text("t_s,x_arcsec,y_arcsec\n" + rows)
+        images, jitter, said = self.jittered("file", '[jitter]\nseries = "series.csv"\nstart_s = -1.0\n')
+        self.assertNotEqual(images, still)
+        self.assertLess(math.dist(jitter, [41.253 * ARCSEC, 0.0, 0.0]), 1e-9)
+        self.assertIn("series.csv of [jitter] is added", said)
 
     def test_a_unit_of_three_heads_has_the_outputs_of_each(self):
         heads = [[1.0, 0.0, 0.0, 0.0], [math.cos(0.4), math.sin(0.4), 0.0, 0.0], [math.cos(0.4), 0.0, math.sin(0.4), 0.0]]

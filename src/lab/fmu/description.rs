@@ -2,7 +2,6 @@
 
 use crate::variables::{Kind, Role, Variable};
 use base::xml::escaped;
-use core::fmt::Write as _;
 
 /// Name of the library in the archive, without its ending.
 pub const MODEL_IDENTIFIER: &str = "starloop";
@@ -20,28 +19,40 @@ pub struct Model {
     pub step_s: f64,
 }
 
-/// Returns the description of a unit.
-pub fn description(model: &Model, variables: &[Variable]) -> String {
-    let mut out = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n");
-    write_description(&mut out, model, variables);
-    out
+/// Version of FMI that a unit is written for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FmiVersion {
+    /// FMI 2.0: variables are single numbers.
+    Two,
+    /// FMI 3.0: vectors are arrays.
+    Three,
 }
 
-fn write_description(out: &mut String, model: &Model, variables: &[Variable]) {
-    let Model { name, token, stop_s, step_s } = model;
-    let version = env!("CARGO_PKG_VERSION");
+impl FmiVersion {
+    /// Returns the version of a number; `None` for one that no unit is written for.
+    pub fn of(number: u8) -> Option<Self> {
+        match number {
+            2 => Some(Self::Two),
+            3 => Some(Self::Three),
+            _ => None,
+        }
+    }
+
+    /// Returns the name of the version.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Two => "2.0",
+            Self::Three => "3.0",
+        }
+    }
+}
+
+/// Returns the description of a unit of FMI 3.
+pub fn description(model: &Model, variables: &[Variable]) -> String {
+    let mut out = String::new();
+    opening(&mut out, model, "fmiVersion=\"3.0\"", "instantiationToken", "flat");
     line(
-        out,
-        &format!(
-            "<fmiModelDescription fmiVersion=\"3.0\" modelName=\"{}\" instantiationToken=\"{}\" \
-             description=\"Star sensor stimulator: attitude in, frames and star tracker out\" version=\"{version}\" \
-             license=\"MIT OR Apache-2.0\" generationTool=\"starloop {version}\" variableNamingConvention=\"flat\">",
-            escaped(name),
-            escaped(token)
-        ),
-    );
-    line(
-        out,
+        &mut out,
         &format!(
             "  <CoSimulation modelIdentifier=\"{MODEL_IDENTIFIER}\" canHandleVariableCommunicationStepSize=\"true\" \
              canBeInstantiatedOnlyOncePerProcess=\"false\" canGetAndSetFMUState=\"false\" \
@@ -49,23 +60,45 @@ fn write_description(out: &mut String, model: &Model, variables: &[Variable]) {
              canReturnEarlyAfterIntermediateUpdate=\"false\" providesIntermediateUpdate=\"false\"/>"
         ),
     );
+    write_common(&mut out, model);
+    line(&mut out, "  <ModelVariables>");
+    variables.iter().for_each(|variable| write_variable(&mut out, variable));
+    line(&mut out, "  </ModelVariables>");
+    line(&mut out, "  <ModelStructure>");
+    for element in ["Output", "InitialUnknown"] {
+        for variable in variables.iter().filter(|variable| variable.role == Role::Output) {
+            line(&mut out, &format!("    <{element} valueReference=\"{}\"/>", variable.reference));
+        }
+    }
+    line(&mut out, "  </ModelStructure>");
+    line(&mut out, "</fmiModelDescription>");
+    out
+}
+
+/// Opens the description; the versions have different words for the token.
+pub(crate) fn opening(out: &mut String, model: &Model, fmi_version: &str, token_word: &str, naming: &str) {
+    let (name, token) = (escaped(&model.name), escaped(&model.token));
+    let version = env!("CARGO_PKG_VERSION");
+    line(out, "<?xml version=\"1.0\" encoding=\"UTF-8\"?>");
+    line(
+        out,
+        &format!(
+            "<fmiModelDescription {fmi_version} modelName=\"{name}\" {token_word}=\"{token}\" \
+             description=\"Star sensor stimulator: attitude in, frames and star tracker out\" version=\"{version}\" \
+             license=\"MIT OR Apache-2.0\" generationTool=\"starloop {version}\" variableNamingConvention=\"{naming}\">"
+        ),
+    );
+}
+
+/// Writes units, categories of messages and the experiment, which both versions write alike.
+pub(crate) fn write_common(out: &mut String, model: &Model) {
     write_units(out);
     line(out, "  <LogCategories>");
     line(out, "    <Category name=\"logStatusError\" description=\"Why a call failed\"/>");
     line(out, "    <Category name=\"logEvents\" description=\"How the run ended\"/>");
     line(out, "  </LogCategories>");
+    let Model { stop_s, step_s, .. } = model;
     line(out, &format!("  <DefaultExperiment startTime=\"0\" stopTime=\"{stop_s}\" stepSize=\"{step_s}\"/>"));
-    line(out, "  <ModelVariables>");
-    variables.iter().for_each(|variable| write_variable(out, variable));
-    line(out, "  </ModelVariables>");
-    line(out, "  <ModelStructure>");
-    for element in ["Output", "InitialUnknown"] {
-        for variable in variables.iter().filter(|variable| variable.role == Role::Output) {
-            line(out, &format!("    <{element} valueReference=\"{}\"/>", variable.reference));
-        }
-    }
-    line(out, "  </ModelStructure>");
-    line(out, "</fmiModelDescription>");
 }
 
 fn write_units(out: &mut String) {
@@ -83,34 +116,35 @@ fn write_units(out: &mut String) {
     line(out, "  </UnitDefinitions>");
 }
 
-fn write_variable(out: &mut String, variable: &Variable) {
-    let element = element(variable.kind);
+/// Returns the words about a variable, and those about its value.
+pub(crate) fn words_of(variable: &Variable) -> (String, String) {
     let (causality, variability) = match variable.role {
         Role::Time => ("independent", "continuous"),
         Role::Parameter => ("parameter", "fixed"),
         Role::Input => ("input", "discrete"),
         Role::Output => ("output", "discrete"),
     };
-    let mut head = format!(
-        "    <{element} name=\"{}\" valueReference=\"{}\" causality=\"{causality}\" variability=\"{variability}\" \
-         description=\"{}\"",
+    let words = format!(
+        "name=\"{}\" valueReference=\"{}\" causality=\"{causality}\" variability=\"{variability}\" description=\"{}\"",
         escaped(&variable.name),
         variable.reference,
         escaped(&variable.description)
     );
-    if let Some(unit) = variable.unit {
-        let _ = write!(head, " unit=\"{unit}\""); // writing to a string does not fail
+    let unit = variable.unit.map(|unit| format!(" unit=\"{unit}\""));
+    let start = variable.start.as_deref().map(|start| format!(" start=\"{}\"", escaped(start)));
+    (words, [unit, start].into_iter().flatten().collect())
+}
+
+fn write_variable(out: &mut String, variable: &Variable) {
+    let element = element(variable.kind);
+    let (words, mut of_value) = words_of(variable);
+    let mut inner = variable.elements.map(|count| format!("<Dimension start=\"{count}\"/>")).unwrap_or_default();
+    // A text's start is an element of its own, and texts have no unit.
+    if let Some(start) = variable.start.as_deref().filter(|_| variable.kind == Kind::String) {
+        inner = format!("<Start value=\"{}\"/>", escaped(start));
+        of_value.clear();
     }
-    let is_text = variable.kind == Kind::String;
-    let start = variable.start.as_deref().map(escaped);
-    if let Some(start) = start.as_ref().filter(|_| !is_text) {
-        let _ = write!(head, " start=\"{start}\""); // writing to a string does not fail
-    }
-    let inner = [
-        variable.elements.map(|count| format!("<Dimension start=\"{count}\"/>")),
-        start.filter(|_| is_text).map(|start| format!("<Start value=\"{start}\"/>")),
-    ];
-    let inner: String = inner.into_iter().flatten().collect();
+    let head = format!("    <{element} {words}{of_value}");
     line(out, &if inner.is_empty() { format!("{head}/>") } else { format!("{head}>{inner}</{element}>") });
 }
 
@@ -126,7 +160,7 @@ const fn element(kind: Kind) -> &'static str {
     }
 }
 
-fn line(out: &mut String, text: &str) {
+pub(crate) fn line(out: &mut String, text: &str) {
     out.push_str(text);
     out.push('\n');
 }

@@ -1,10 +1,10 @@
-//! The life of one instance of a unit: start, steps, end. The C interface calls this; a test can as well.
+//! The life of one instance of a unit: start, steps, end. `worker` calls this for the C interface.
 //!
 //! The importer sets inputs for the start of a step, and the run goes on to its end: what a frame needs beyond the
 //! start of a step is predicted from attitude, rate and acceleration. Life: new, [`Slave::enter`], [`Slave::exit`],
 //! [`Slave::step`] ..., [`Slave::terminate`]; [`Slave::reset`] begins again.
-//! Its state says which calls it takes (section 2.3 of the standard, without event mode). The C interface gets and sets
-//! variables by their references.
+//! Its state says which calls it takes (section 2.3 of the standard, without event mode). Variables are got and
+//! set by their references.
 
 use crate::archive::{RUN_FILE, check_plant, token};
 use crate::error::{self, FmuError};
@@ -59,7 +59,8 @@ impl Slave {
         }
         scenario.plant = Plant::Outside;
         scenario.bench.flight_computer.is_external = true;
-        // The lines are those of the simulated flight computer, whose place the importer takes: it sets its own jitter.
+        // The lines are those of the simulated flight computer, whose place the importer takes: it sets its own jitter,
+        // and one that sets none gets none. `[jitter]` says by itself that it is added to every source of motion.
         scenario.bench.flight_computer.jitter_lines.clear();
         let is_known_lens = |camera: &Camera| camera.distortion.polynomial.is_none();
         if (0..heads).all(|head| is_known_lens(&scenario.bench.of_head(head).camera)) {
@@ -80,7 +81,7 @@ impl Slave {
     /// # Errors
     /// When it is not the time for it, or the start is another one.
     pub fn enter(&mut self, start_s: f64) -> Result<(), FmuError> {
-        self.state.wants(&[State::Instantiated], "fmi3EnterInitializationMode")?;
+        self.state.wants(&[State::Instantiated], "EnterInitializationMode")?;
         if start_s != 0.0 {
             return Err(error::step(start_s, 0.0, 0.0));
         }
@@ -93,7 +94,7 @@ impl Slave {
     /// # Errors
     /// When it is not the time for it, or a part cannot be made.
     pub fn exit(&mut self) -> Result<(), FmuError> {
-        self.state.wants(&[State::Initialising], "fmi3ExitInitializationMode")?;
+        self.state.wants(&[State::Initialising], "ExitInitializationMode")?;
         self.state = State::Failed;
         let directory = self.make_directory()?;
         let no_sinks = Vec::new();
@@ -122,7 +123,7 @@ impl Slave {
     /// # Errors
     /// When it does not begin where the one before ended, an input cannot be taken, or the run failed.
     pub fn step(&mut self, from_s: f64, step_s: f64) -> Result<(), FmuError> {
-        self.state.wants(&[State::Stepping], "fmi3DoStep")?;
+        self.state.wants(&[State::Stepping], "DoStep")?;
         let at_s = self.time_s[0];
         let is_in_order = (from_s - at_s).abs() <= STEP_TOLERANCE_S * at_s.abs().max(1.0);
         if !(is_in_order && step_s > 0.0 && step_s.is_finite()) {
@@ -170,7 +171,7 @@ impl Slave {
     /// # Errors
     /// When it is not the time for it, or a sink failed.
     pub fn terminate(&mut self) -> Result<Option<String>, FmuError> {
-        self.state.wants(&[State::Stepping, State::Failed], "fmi3Terminate")?;
+        self.state.wants(&[State::Stepping, State::Failed], "Terminate")?;
         self.state = State::Terminated;
         let Some(run) = self.run.take() else { return Ok(None) };
         let end = run.end(None);
@@ -248,6 +249,7 @@ impl Slave {
                 match within {
                     reference::MID_EXPOSURE => &head.mid_exposure_s,
                     reference::TRUTH => &head.truth,
+                    reference::TRUE_JITTER => &head.true_jitter,
                     reference::TRACKER_Q => &head.tracker_q,
                     reference::TRACKER_TIME => &head.tracker_time_s,
                     _no_such_float => return None,

@@ -78,6 +78,7 @@ pub(crate) struct HeadOutputs {
     pub(crate) frames: u64,
     pub(crate) mid_exposure_s: [f64; 1],
     pub(crate) truth: [f64; 4],
+    pub(crate) true_jitter: [f64; 3],
     pub(crate) stars: i32,
     pub(crate) tracker_q: [f64; 4],
     pub(crate) tracker_valid: bool,
@@ -92,6 +93,7 @@ impl HeadOutputs {
         self.frames += 1;
         self.mid_exposure_s = [(meta.mid_exposure - zero).s()];
         self.truth = meta.attitude_wxyz;
+        self.true_jitter = meta.jitter_rad;
         self.stars =
             i32::try_from(frame.truth.iter().filter(|star| star.kind == TruthKind::Star).count()).unwrap_or(i32::MAX);
     }

@@ -103,6 +103,8 @@ pub mod reference {
     pub const TRACKER_STARS: u32 = 6;
     /// Within a head: middle of the exposure that the tracker measured, s.
     pub const TRACKER_TIME: u32 = 7;
+    /// Within a head: the jitter that was drawn.
+    pub const TRUE_JITTER: u32 = 8;
 }
 
 const IDENTITY: &str = "1 0 0 0";
@@ -215,6 +217,14 @@ fn of_head(head: usize, heads: usize) -> Vec<Variable> {
             None,
             "Attitude of the sensor that the newest frame was drawn from, at mid-exposure",
         ),
+        output(
+            "true_jitter",
+            reference::TRUE_JITTER,
+            float,
+            Some(3),
+            Some("rad"),
+            "Rotation vector of the line of sight beside that attitude that was drawn, at mid-exposure, sensor axes",
+        ),
         output("star_count", reference::STARS, Kind::Int32, None, None, "Stars drawn in the newest frame"),
         output(
             "tracker_q_sensor_from_icrf",
@@ -237,6 +247,33 @@ fn of_head(head: usize, heads: usize) -> Vec<Variable> {
     ]
 }
 
+/// From a variable's first number to the next variable, among references of single numbers.
+const ELEMENT_STRIDE: u32 = 8;
+
+/// Returns the variables with each number of an array as one of its own: `rate[1]`, `rate[2]`, `rate[3]`.
+pub(crate) fn scalars(variables: &[Variable]) -> Vec<Variable> {
+    let mut all = Vec::new();
+    for variable in variables {
+        let first = variable.reference * ELEMENT_STRIDE;
+        let Some(count) = variable.elements else {
+            all.push(Variable { reference: first, ..variable.clone() });
+            continue;
+        };
+        let mut starts = variable.start.as_deref().unwrap_or_default().split(' ').map(str::to_owned);
+        for (reference, number) in (first..).zip(1..=count) {
+            let name = format!("{}[{number}]", variable.name);
+            let start = starts.next().filter(|start| !start.is_empty());
+            all.push(Variable { name, reference, elements: None, start, ..variable.clone() });
+        }
+    }
+    all
+}
+
+/// Returns the variable that a reference of a single number belongs to, and the number's place in it.
+pub(crate) fn element_of(reference: u32) -> (u32, usize) {
+    (reference / ELEMENT_STRIDE, (reference % ELEMENT_STRIDE) as usize)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -253,8 +290,19 @@ mod tests {
     }
 
     #[test]
+    fn an_element_leads_back_to_its_array() {
+        let single = scalars(&variables(2));
+        let references: BTreeSet<_> = single.iter().map(|variable| variable.reference).collect();
+        assert_eq!(references.len(), single.len());
+        let rate: Vec<_> = single.iter().filter(|variable| variable.name.starts_with("rate[")).collect();
+        let places: Vec<_> = rate.iter().map(|variable| element_of(variable.reference)).collect();
+        assert_eq!(places, [0, 1, 2].map(|place| (reference::RATE, place)));
+        assert!(rate.iter().all(|variable| variable.start.as_deref() == Some("0")));
+    }
+
+    #[test]
     fn a_start_value_has_as_many_numbers_as_the_array() {
-        for variable in variables(2) {
+        for variable in variables(2).into_iter().chain(scalars(&variables(2))) {
             let numbers = variable.start.as_ref().filter(|_| variable.elements.is_some()).map(|s| s.split(' ').count());
             assert!(numbers.is_none() || numbers == variable.elements, "{}", variable.name);
             assert_eq!(variable.start.is_some(), matches!(variable.role, Role::Input | Role::Parameter));
