@@ -11,7 +11,7 @@
 //! * Whatever happens to the program, the simulator goes on: its threads, memory and graphics driver are not the
 //!   simulator's, and its end is a fatal status with a reason.
 //!
-//! A call costs some 20 microseconds more, a thousandth of a frame.
+//! A call costs some 15 microseconds more, a thousandth of a frame.
 //!
 //! An importer calls these functions with what the standards promise: pointers that it got from here or that point to as many
 //! values as it says. Each function checks for null. What the description denies (states to be kept, derivatives, clocks,
