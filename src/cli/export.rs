@@ -397,8 +397,8 @@ pub struct FmuArgs {
     /// Version of FMI: 3.0 has arrays, 2.0 has a variable for each number, for tools that import no FMI 3
     #[arg(long, value_name = "2|3", default_value_t = 3, value_parser = clap::value_parser!(u8).range(2..=3))]
     fmi: u8,
-    /// Started by the library of a unit: version, resources and token; standard input is a socket
-    #[arg(long, hide = true, num_args = 3, value_names = ["FMI", "RESOURCES", "TOKEN"], exclusive = true)]
+    /// Started by the library of a unit: resources and token; standard input is a socket
+    #[arg(long, hide = true, num_args = 2, value_names = ["RESOURCES", "TOKEN"], exclusive = true)]
     worker: Option<Vec<String>>,
 }
 
@@ -410,40 +410,39 @@ pub fn run_fmu(arguments: &FmuArgs) -> Result<()> {
     if let Some(words) = &arguments.worker {
         return serve_unit(words);
     }
-    let version = FmiVersion::of(arguments.fmi).context("--fmi: wanted 2 or 3")?;
+    let version = if arguments.fmi == 2 { FmiVersion::Two } else { FmiVersion::Three };
     let document = match &arguments.bench {
         Some(path) => Document::open(path)?,
         None => Bench::built_in_document()?,
     };
-    let program = std::env::current_exe().context("the place of this program")?;
     let stem = document.name();
     let stem = Path::new(&stem).file_stem().context("a run file without a name")?;
     let out = arguments.out.clone().unwrap_or_else(|| Path::new(stem).with_extension("fmu"));
-    let bytes = write_unit(&document, version, &program, &out)?;
+    let bytes = write_unit(&document, version, &out)?;
     let (name, megabytes) = (version.name(), bytes as f64 * 1e-6);
     println!("{}: {megabytes:.1} MB, FMI {name} co-simulation; check it with `fmpy validate`", out.display());
-    jitter_notes(&Scenario::from_document(&document)?.bench).iter().for_each(|note| println!("{note}"));
+    print_jitter(&Scenario::from_document(&document)?.bench);
     Ok(())
 }
 
-/// Returns what happens to the jitter of a bench in a unit, where it has some.
-fn jitter_notes(bench: &Bench) -> Vec<String> {
+/// Prints what becomes of the jitter of a bench in a unit, where it has some.
+fn print_jitter(bench: &Bench) {
     let lines = bench.flight_computer.jitter_lines.len();
-    let left_out = (lines > 0).then(|| {
-        format!(
-            "jitter: lines of the simulated flight computer are left out ({lines}); the input jitter takes their place"
-        )
-    });
-    let kept = bench.jitter.as_ref().map(|input| format!("jitter: {} of [jitter] is added to every frame", input.path));
-    left_out.into_iter().chain(kept).collect()
+    if lines > 0 {
+        println!(
+            "jitter lines of the simulated flight computer: {lines} left out; the input jitter takes their place"
+        );
+    }
+    if let Some(input) = &bench.jitter {
+        println!("{} of [jitter] is added to every frame", input.path);
+    }
 }
 
 /// Is one instance of a unit, for the library that started this program with a socket as its standard input.
 fn serve_unit(words: &[String]) -> Result<()> {
-    let [version, resources, token] = words else { bail!("--worker: wanted version, resources and token") };
-    let version = version.parse().ok().and_then(FmiVersion::of).context("--worker: wanted version 2 or 3")?;
-    let socket = std::io::stdin().as_fd().try_clone_to_owned().context("--worker: standard input")?;
-    serve(&mut UnixStream::from(socket), version, Path::new(resources), token)
+    let [resources, token] = words else { bail!("--worker: wanted resources and token") };
+    let socket = io::stdin().as_fd().try_clone_to_owned().context("--worker: standard input")?;
+    serve(&mut UnixStream::from(socket), Path::new(resources), token)
         .context("--worker: wanted the library of a unit at the other end of standard input")
 }
 

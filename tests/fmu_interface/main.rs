@@ -6,7 +6,8 @@
 
 use core::ffi::{CStr, c_char, c_void};
 use core::ptr::{null, null_mut};
-use fmu_library::fmi3::{calls::*, denied::*, values::*};
+use fmu::variables::reference;
+use fmu_library::fmi3::{calls::*, denied::*};
 use fmu_library::{fmi2::*, protocol::Status};
 use std::{ffi::CString, path::Path};
 
@@ -131,28 +132,27 @@ fn numbers_of_fmi_2_are_elements_of_arrays() {
     assert_eq!(fmi2SetupExperiment(unit, 0, 0.0, 0.0, 0, 0.0), Status::Ok);
     assert_eq!(fmi2EnterInitializationMode(unit), Status::Ok);
     let empty = c"".as_ptr();
-    assert_eq!(fmi2SetString(unit, &raw const OUTPUT_DIR_2, 1, &raw const empty), Status::Ok);
+    assert_eq!(fmi2SetString(unit, &raw const OUTPUT_DIR, 1, &raw const empty), Status::Ok);
     assert_eq!(fmi2ExitInitializationMode(unit), Status::Ok);
-    let (rates, set, mut got) = ([8 * RATE, 8 * RATE + 1, 8 * RATE + 2], [0.0, 0.001, 0.002], [9.0; 3]);
+    let element = |number: u32| RATE + 1_000_000 * number;
+    let (rates, set, mut got) = ([1, 2, 3].map(element), [0.0, 0.001, 0.002], [9.0; 3]);
     assert_eq!(fmi2SetReal(unit, rates.as_ptr(), 3, set.as_ptr()), Status::Ok);
     assert_eq!(fmi2GetReal(unit, rates.as_ptr(), 3, got.as_mut_ptr()), Status::Ok);
     assert_eq!(got, set);
-    let no_such = 8 * RATE + 3;
+    let no_such = element(4);
     assert_eq!(fmi2GetReal(unit, &raw const no_such, 1, got.as_mut_ptr()), Status::Error, "a fourth of three");
     for step in 0..8 {
         assert_eq!(fmi2DoStep(unit, 0.1 * f64::from(step), 0.1, 1), Status::Ok);
     }
     let mut frames = 0;
-    assert_eq!(fmi2GetInteger(unit, &raw const FRAMES_2, 1, &raw mut frames), Status::Ok);
+    assert_eq!(fmi2GetInteger(unit, &raw const FRAMES, 1, &raw mut frames), Status::Ok);
     assert!(frames > 3, "{frames}");
     assert_eq!(fmi2GetFMUstate(unit, null_mut()), Status::Error);
     assert_eq!(fmi2Terminate(unit), Status::Ok);
     fmi2FreeInstance(unit);
 }
 
-static OUTPUT_DIR: u32 = fmu::variables::reference::OUTPUT_DIR;
-static Q: u32 = fmu::variables::reference::Q_BODY_FROM_ICRF;
-static OUTPUT_DIR_2: u32 = 8 * OUTPUT_DIR;
-static FRAMES_2: u32 = 8 * FRAMES;
-const RATE: u32 = fmu::variables::reference::RATE;
-static FRAMES: u32 = fmu::variables::reference::HEADS + fmu::variables::reference::FRAMES;
+static OUTPUT_DIR: u32 = reference::OUTPUT_DIR;
+static Q: u32 = reference::Q_BODY_FROM_ICRF;
+static FRAMES: u32 = reference::HEADS + reference::FRAMES;
+const RATE: u32 = reference::RATE;

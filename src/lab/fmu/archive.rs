@@ -12,7 +12,6 @@
 //! The same run file and program give the same bytes.
 
 use crate::description::{FmiVersion, MODEL_IDENTIFIER, Model, description};
-use crate::description_2;
 use crate::{
     error::{self, FmuError},
     variables::variables,
@@ -27,6 +26,8 @@ use std::path::Path;
 pub const RUN_FILE: &str = "run.json";
 /// The program, below the resources.
 const PROGRAM: &str = "starloop";
+/// Where the kernel has the program that runs, also when its file has been replaced.
+const THIS_PROGRAM: &str = "/proc/self/exe";
 /// The library, as `build.rs` compiled it; empty where it could not.
 const LIBRARY: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/library.so"));
 
@@ -56,11 +57,11 @@ pub fn token(run_json: &str, heads: usize) -> String {
     format!("starloop-{}-{of_run:08x}-{heads}", env!("CARGO_PKG_VERSION"))
 }
 
-/// Writes the unit of a run file, whole or not at all; returns its size in bytes. `program` is starloop itself.
+/// Writes the unit of a run file, whole or not at all; returns its size in bytes.
 ///
 /// # Errors
 /// When the run file is refused, flies its spacecraft inside, or a file cannot be read or written.
-pub fn write_unit(document: &Document, version: FmiVersion, program: &Path, out: &Path) -> Result<u64, FmuError> {
+pub fn write_unit(document: &Document, version: FmiVersion, out: &Path) -> Result<u64, FmuError> {
     if LIBRARY.is_empty() {
         let why = "this program was built without the library for FMI units: build it again, and see the warning of that build";
         return Err(Refused::at(out, why).into());
@@ -79,12 +80,9 @@ pub fn write_unit(document: &Document, version: FmiVersion, program: &Path, out:
         stop_s: timing.duration_s,
         step_s: 1.0 / timing.frame_rate_hz,
     };
-    let unread = |source| error::file(program, "read this program", source);
-    let binary = read_bytes(program, DATA_BYTES).map_err(unread)?;
-    let xml = match version {
-        FmiVersion::Two => description_2::description(&model, &variables(heads)),
-        FmiVersion::Three => description(&model, &variables(heads)),
-    };
+    let unread = |source| error::file(Path::new(THIS_PROGRAM), "read this program", source);
+    let binary = read_bytes(Path::new(THIS_PROGRAM), DATA_BYTES).map_err(unread)?;
+    let xml = description(&model, version, &variables(heads));
     let of_library = format!("binaries/{}/{MODEL_IDENTIFIER}.so", platform(version));
     let (of_program, of_run) = (format!("resources/{PROGRAM}"), format!("resources/{RUN_FILE}"));
     let data = packed.data().map(|(path, kept)| {

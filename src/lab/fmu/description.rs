@@ -1,6 +1,10 @@
-//! The table of variables -> `modelDescription.xml` of FMI 3.0.2 (sections 2.4 and 4.3 of the standard).
+//! The table of variables -> `modelDescription.xml` of FMI 3.0.2 (sections 2.4 and 4.3 of the standard) or FMI 2.0.4 (2.2 and
+//! 4.3.1 of that one).
+//!
+//! FMI 2 has no arrays: each number of one is a variable of its own, `rate[1]` to `rate[3]`, by the standard's structured
+//! names. Whole numbers are Integers of 32 bits there.
 
-use crate::variables::{Kind, Role, Variable};
+use crate::variables::{Kind, Role, Variable, scalars};
 use base::xml::escaped;
 
 /// Name of the library in the archive, without its ending.
@@ -29,15 +33,6 @@ pub enum FmiVersion {
 }
 
 impl FmiVersion {
-    /// Returns the version of a number; `None` for one that no unit is written for.
-    pub fn of(number: u8) -> Option<Self> {
-        match number {
-            2 => Some(Self::Two),
-            3 => Some(Self::Three),
-            _ => None,
-        }
-    }
-
     /// Returns the name of the version.
     pub const fn name(self) -> &'static str {
         match self {
@@ -47,58 +42,58 @@ impl FmiVersion {
     }
 }
 
-/// Returns the description of a unit of FMI 3.
-pub fn description(model: &Model, variables: &[Variable]) -> String {
+/// Returns the description of a unit.
+pub fn description(model: &Model, version: FmiVersion, variables: &[Variable]) -> String {
     let mut out = String::new();
-    opening(&mut out, model, "fmiVersion=\"3.0\"", "instantiationToken", "flat");
-    line(
-        &mut out,
-        &format!(
-            "  <CoSimulation modelIdentifier=\"{MODEL_IDENTIFIER}\" canHandleVariableCommunicationStepSize=\"true\" \
-             canBeInstantiatedOnlyOncePerProcess=\"false\" canGetAndSetFMUState=\"false\" \
-             canSerializeFMUState=\"false\" providesDirectionalDerivatives=\"false\" hasEventMode=\"false\" \
-             canReturnEarlyAfterIntermediateUpdate=\"false\" providesIntermediateUpdate=\"false\"/>"
-        ),
-    );
-    write_common(&mut out, model);
-    line(&mut out, "  <ModelVariables>");
-    variables.iter().for_each(|variable| write_variable(&mut out, variable));
-    line(&mut out, "  </ModelVariables>");
-    line(&mut out, "  <ModelStructure>");
-    for element in ["Output", "InitialUnknown"] {
-        for variable in variables.iter().filter(|variable| variable.role == Role::Output) {
-            line(&mut out, &format!("    <{element} valueReference=\"{}\"/>", variable.reference));
-        }
+    write_opening(&mut out, model, version);
+    write_units(&mut out);
+    line(&mut out, "  <LogCategories>");
+    line(&mut out, "    <Category name=\"logStatusError\" description=\"Why a call failed\"/>");
+    line(&mut out, "    <Category name=\"logEvents\" description=\"How the run ended\"/>");
+    line(&mut out, "  </LogCategories>");
+    let Model { stop_s, step_s, .. } = model;
+    line(&mut out, &format!("  <DefaultExperiment startTime=\"0\" stopTime=\"{stop_s}\" stepSize=\"{step_s}\"/>"));
+    match version {
+        FmiVersion::Two => write_variables_2(&mut out, &scalars(variables)),
+        FmiVersion::Three => write_variables_3(&mut out, variables),
     }
-    line(&mut out, "  </ModelStructure>");
     line(&mut out, "</fmiModelDescription>");
     out
 }
 
-/// Opens the description; the versions have different words for the token.
-pub(crate) fn opening(out: &mut String, model: &Model, fmi_version: &str, token_word: &str, naming: &str) {
+fn write_opening(out: &mut String, model: &Model, version: FmiVersion) {
     let (name, token) = (escaped(&model.name), escaped(&model.token));
-    let version = env!("CARGO_PKG_VERSION");
+    let (program, fmi) = (env!("CARGO_PKG_VERSION"), version.name());
+    let (token_word, naming, denied) = match version {
+        FmiVersion::Two => (
+            "guid",
+            "structured",
+            "canNotUseMemoryManagementFunctions=\"true\" canGetAndSetFMUstate=\"false\" \
+             canSerializeFMUstate=\"false\" providesDirectionalDerivative=\"false\"",
+        ),
+        FmiVersion::Three => (
+            "instantiationToken",
+            "flat",
+            "canGetAndSetFMUState=\"false\" canSerializeFMUState=\"false\" providesDirectionalDerivatives=\"false\" \
+             hasEventMode=\"false\" canReturnEarlyAfterIntermediateUpdate=\"false\" providesIntermediateUpdate=\"false\"",
+        ),
+    };
     line(out, "<?xml version=\"1.0\" encoding=\"UTF-8\"?>");
     line(
         out,
         &format!(
-            "<fmiModelDescription {fmi_version} modelName=\"{name}\" {token_word}=\"{token}\" \
-             description=\"Star sensor stimulator: attitude in, frames and star tracker out\" version=\"{version}\" \
-             license=\"MIT OR Apache-2.0\" generationTool=\"starloop {version}\" variableNamingConvention=\"{naming}\">"
+            "<fmiModelDescription fmiVersion=\"{fmi}\" modelName=\"{name}\" {token_word}=\"{token}\" \
+             description=\"Star sensor stimulator: attitude in, frames and star tracker out\" version=\"{program}\" \
+             license=\"MIT OR Apache-2.0\" generationTool=\"starloop {program}\" variableNamingConvention=\"{naming}\">"
         ),
     );
-}
-
-/// Writes units, categories of messages and the experiment, which both versions write alike.
-pub(crate) fn write_common(out: &mut String, model: &Model) {
-    write_units(out);
-    line(out, "  <LogCategories>");
-    line(out, "    <Category name=\"logStatusError\" description=\"Why a call failed\"/>");
-    line(out, "    <Category name=\"logEvents\" description=\"How the run ended\"/>");
-    line(out, "  </LogCategories>");
-    let Model { stop_s, step_s, .. } = model;
-    line(out, &format!("  <DefaultExperiment startTime=\"0\" stopTime=\"{stop_s}\" stepSize=\"{step_s}\"/>"));
+    line(
+        out,
+        &format!(
+            "  <CoSimulation modelIdentifier=\"{MODEL_IDENTIFIER}\" canHandleVariableCommunicationStepSize=\"true\" \
+             canBeInstantiatedOnlyOncePerProcess=\"false\" {denied}/>"
+        ),
+    );
 }
 
 fn write_units(out: &mut String) {
@@ -117,7 +112,7 @@ fn write_units(out: &mut String) {
 }
 
 /// Returns the words about a variable, and those about its value.
-pub(crate) fn words_of(variable: &Variable) -> (String, String) {
+fn words_of(variable: &Variable) -> (String, String) {
     let (causality, variability) = match variable.role {
         Role::Time => ("independent", "continuous"),
         Role::Parameter => ("parameter", "fixed"),
@@ -133,6 +128,45 @@ pub(crate) fn words_of(variable: &Variable) -> (String, String) {
     let unit = variable.unit.map(|unit| format!(" unit=\"{unit}\""));
     let start = variable.start.as_deref().map(|start| format!(" start=\"{}\"", escaped(start)));
     (words, [unit, start].into_iter().flatten().collect())
+}
+
+/// Writes variables, and which of them are outputs: by reference.
+fn write_variables_3(out: &mut String, variables: &[Variable]) {
+    line(out, "  <ModelVariables>");
+    variables.iter().for_each(|variable| write_variable(out, variable));
+    line(out, "  </ModelVariables>");
+    line(out, "  <ModelStructure>");
+    for element in ["Output", "InitialUnknown"] {
+        for variable in variables.iter().filter(|variable| variable.role == Role::Output) {
+            line(out, &format!("    <{element} valueReference=\"{}\"/>", variable.reference));
+        }
+    }
+    line(out, "  </ModelStructure>");
+}
+
+/// Writes variables, and which of them are outputs: by place.
+fn write_variables_2(out: &mut String, variables: &[Variable]) {
+    line(out, "  <ModelVariables>");
+    for variable in variables {
+        let element = match variable.kind {
+            Kind::Float64 => "Real",
+            Kind::Int32 | Kind::UInt16 | Kind::UInt32 | Kind::UInt64 => "Integer",
+            Kind::Boolean => "Boolean",
+            Kind::String => "String",
+        };
+        let (words, of_value) = words_of(variable);
+        line(out, &format!("    <ScalarVariable {words}><{element}{of_value}/></ScalarVariable>"));
+    }
+    line(out, "  </ModelVariables>");
+    line(out, "  <ModelStructure>");
+    for list in ["Outputs", "InitialUnknowns"] {
+        line(out, &format!("    <{list}>"));
+        for (place, _output) in (1..).zip(variables).filter(|(_, variable)| variable.role == Role::Output) {
+            line(out, &format!("      <Unknown index=\"{place}\"/>"));
+        }
+        line(out, &format!("    </{list}>"));
+    }
+    line(out, "  </ModelStructure>");
 }
 
 fn write_variable(out: &mut String, variable: &Variable) {
@@ -160,7 +194,7 @@ const fn element(kind: Kind) -> &'static str {
     }
 }
 
-pub(crate) fn line(out: &mut String, text: &str) {
+fn line(out: &mut String, text: &str) {
     out.push_str(text);
     out.push('\n');
 }
@@ -168,16 +202,16 @@ pub(crate) fn line(out: &mut String, text: &str) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::variables::variables;
+    use crate::variables::{element_of, reference, variables};
 
-    fn of(name: &str, heads: usize) -> String {
+    fn of(name: &str, version: FmiVersion, heads: usize) -> String {
         let model = Model { name: name.into(), token: "{1}".into(), stop_s: 10.0, step_s: 0.1 };
-        description(&model, &variables(heads))
+        description(&model, version, &variables(heads))
     }
 
     #[test]
     fn every_variable_is_declared_and_every_output_is_in_the_structure() {
-        let text = of("a \"b\" & <c>", 3);
+        let text = of("a \"b\" & <c>", FmiVersion::Three, 3);
         let document = roxmltree::Document::parse(&text).unwrap();
         assert_eq!(document.root_element().attribute("modelName"), Some("a \"b\" & <c>"));
         let of_tag = |tag: &str| document.descendants().filter(|node| node.has_tag_name(tag)).count();
@@ -189,7 +223,7 @@ mod tests {
 
     #[test]
     fn units_that_variables_use_are_defined() {
-        let text = of("bench", 1);
+        let text = of("bench", FmiVersion::Three, 1);
         let document = roxmltree::Document::parse(&text).unwrap();
         let defined: Vec<_> = document
             .descendants()
@@ -198,5 +232,27 @@ mod tests {
             .collect();
         let used: Vec<_> = document.descendants().filter_map(|node| node.attribute("unit")).collect();
         assert!(!used.is_empty() && used.iter().all(|unit| defined.contains(unit)), "{used:?} of {defined:?}");
+    }
+
+    #[test]
+    fn every_number_is_a_variable_and_every_output_is_in_the_structure() {
+        let text = of("a", FmiVersion::Two, 2);
+        let document = roxmltree::Document::parse(&text).unwrap();
+        let all: Vec<_> = document.descendants().filter(|node| node.has_tag_name("ScalarVariable")).collect();
+        let numbers: usize = variables(2).iter().map(|variable| variable.elements.unwrap_or(1)).sum();
+        assert_eq!((all.len(), document.root_element().attribute("guid")), (numbers, Some("{1}")));
+        let outputs = all.iter().filter(|node| node.attribute("causality") == Some("output")).count();
+        let unknown: Vec<usize> = document
+            .descendants()
+            .filter(|node| node.has_tag_name("Unknown"))
+            .map(|node| node.attribute("index").unwrap().parse().unwrap())
+            .collect();
+        assert_eq!(unknown.len(), 2 * outputs);
+        assert!(unknown.iter().all(|place| all[place - 1].attribute("causality") == Some("output")));
+        let first = all.iter().find(|node| node.attribute("name") == Some("q_body_from_icrf[1]")).unwrap();
+        let number = first.attribute("valueReference").unwrap().parse().unwrap();
+        assert_eq!(element_of(number), (reference::Q_BODY_FROM_ICRF, Some(0)));
+        let starts = first.first_element_child().unwrap().attribute("start");
+        assert_eq!(starts, Some("1"), "the scalar part of the identity");
     }
 }

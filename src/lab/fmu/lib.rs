@@ -7,7 +7,7 @@
 //! ```
 //!
 //! * [`variables`] has every variable with its reference, type, unit and meaning, in one table;
-//! * [`description`] writes `modelDescription.xml`, for FMI 2.0 `description_2`;
+//! * [`description`] writes `modelDescription.xml`;
 //! * [`archive`] writes the .fmu file;
 //! * [`worker`] serves one instance to the library, in messages of [`protocol`];
 //! * [`slave`] is the life of one instance, and `values` are its variables.
@@ -27,7 +27,6 @@
 
 pub mod archive;
 pub mod description;
-mod description_2;
 mod error;
 #[path = "../fmu_library/protocol.rs"]
 pub mod protocol;

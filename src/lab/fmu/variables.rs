@@ -247,31 +247,31 @@ fn of_head(head: usize, heads: usize) -> Vec<Variable> {
     ]
 }
 
-/// From a variable's first number to the next variable, among references of single numbers.
-const ELEMENT_STRIDE: u32 = 8;
+/// From the reference of a variable to that of its first element, and from one element to the next.
+const ELEMENT_STRIDE: u32 = 1_000_000;
 
 /// Returns the variables with each number of an array as one of its own: `rate[1]`, `rate[2]`, `rate[3]`.
 pub(crate) fn scalars(variables: &[Variable]) -> Vec<Variable> {
-    let mut all = Vec::new();
-    for variable in variables {
-        let first = variable.reference * ELEMENT_STRIDE;
-        let Some(count) = variable.elements else {
-            all.push(Variable { reference: first, ..variable.clone() });
-            continue;
+    let elements_of = |variable: &Variable| {
+        let starts: Vec<_> = variable.start.iter().flat_map(|start| start.split(' ').map(str::to_owned)).collect();
+        let element = |number: usize| Variable {
+            name: format!("{}[{number}]", variable.name),
+            reference: variable.reference + ELEMENT_STRIDE * number as u32,
+            elements: None,
+            start: starts.get(number - 1).cloned(),
+            ..variable.clone()
         };
-        let mut starts = variable.start.as_deref().unwrap_or_default().split(' ').map(str::to_owned);
-        for (reference, number) in (first..).zip(1..=count) {
-            let name = format!("{}[{number}]", variable.name);
-            let start = starts.next().filter(|start| !start.is_empty());
-            all.push(Variable { name, reference, elements: None, start, ..variable.clone() });
+        match variable.elements {
+            Some(count) => (1..=count).map(element).collect(),
+            None => vec![variable.clone()],
         }
-    }
-    all
+    };
+    variables.iter().flat_map(elements_of).collect()
 }
 
-/// Returns the variable that a reference of a single number belongs to, and the number's place in it.
-pub(crate) fn element_of(reference: u32) -> (u32, usize) {
-    (reference / ELEMENT_STRIDE, (reference % ELEMENT_STRIDE) as usize)
+/// Returns the reference of the variable that is meant, and which of its elements, counted from 0; `None`: all of it.
+pub(crate) fn element_of(reference: u32) -> (u32, Option<usize>) {
+    (reference % ELEMENT_STRIDE, (reference as usize / ELEMENT_STRIDE as usize).checked_sub(1))
 }
 
 #[cfg(test)]
@@ -296,7 +296,8 @@ mod tests {
         assert_eq!(references.len(), single.len());
         let rate: Vec<_> = single.iter().filter(|variable| variable.name.starts_with("rate[")).collect();
         let places: Vec<_> = rate.iter().map(|variable| element_of(variable.reference)).collect();
-        assert_eq!(places, [0, 1, 2].map(|place| (reference::RATE, place)));
+        assert_eq!(places, [0, 1, 2].map(|place| (reference::RATE, Some(place))));
+        assert_eq!(element_of(reference::RATE), (reference::RATE, None), "the array itself");
         assert!(rate.iter().all(|variable| variable.start.as_deref() == Some("0")));
     }
 

@@ -2,7 +2,7 @@
 
 use crate::instance::{Instance, Log, LogMessage2, call, deny, free, of, slice, slice_mut, text};
 use crate::protocol::{Kind, Operation, Status};
-use crate::wire::{get, get_texts, set, set_texts};
+use crate::wire::{accessors, denied, get, set};
 use core::ffi::{c_char, c_int, c_void};
 use std::ffi::CString;
 
@@ -50,7 +50,7 @@ pub extern "C" fn fmi2Instantiate(
         log.say(Status::Error, "this unit is for co-simulation only, as its description says");
         return core::ptr::null_mut();
     }
-    Instance::start("2", folder_of(resource_location), guid, log)
+    Instance::start(folder_of(resource_location), guid, log)
 }
 
 /// Returns the folder that the address of the resources means: `file:///tmp/unit/resources`.
@@ -134,54 +134,11 @@ pub extern "C" fn fmi2Reset(instance: *mut c_void) -> Status {
     call(instance, Operation::Reset, &[])
 }
 
-macro_rules! numbers {
-    ($($get:ident, $set:ident, $kind:ident, $number:ty;)*) => {$(
-        #[unsafe(no_mangle)]
-        pub extern "C" fn $get(instance: *mut c_void, references: *const u32, count: usize, values: *mut $number) -> Status {
-            get(instance, Kind::$kind, slice(references, count), slice_mut(values, count))
-        }
-
-        #[unsafe(no_mangle)]
-        pub extern "C" fn $set(instance: *mut c_void, references: *const u32, count: usize, values: *const $number) -> Status {
-            set(instance, Kind::$kind, slice(references, count), slice(values, count))
-        }
-    )*};
-}
-
-numbers! {
+accessors! {
     fmi2GetReal, fmi2SetReal, Real, f64;
     fmi2GetInteger, fmi2SetInteger, Whole, i32;
     fmi2GetBoolean, fmi2SetBoolean, Boolean, i32;
-}
-
-#[unsafe(no_mangle)]
-pub extern "C" fn fmi2GetString(
-    instance: *mut c_void,
-    references: *const u32,
-    count: usize,
-    values: *mut *const c_char,
-) -> Status {
-    get_texts(instance, slice(references, count), slice_mut(values, count))
-}
-
-#[unsafe(no_mangle)]
-pub extern "C" fn fmi2SetString(
-    instance: *mut c_void,
-    references: *const u32,
-    count: usize,
-    values: *const *const c_char,
-) -> Status {
-    set_texts(instance, slice(references, count), slice(values, count))
-}
-
-/// Functions that the description excludes.
-macro_rules! denied {
-    ($why:literal: $($name:ident($($argument:ty),*);)*) => {$(
-        #[unsafe(no_mangle)]
-        pub extern "C" fn $name(instance: *mut c_void, $(_: $argument),*) -> Status {
-            deny(instance, stringify!($name), $why)
-        }
-    )*};
+    fmi2GetString, fmi2SetString, Text, *const c_char;
 }
 
 type Any = *mut c_void;

@@ -1,6 +1,6 @@
 //! An instance behind the pointer that the importer holds, and what its pointers lead to.
 
-use crate::protocol::{Operation, Status};
+use crate::protocol::{Operation, Request, Status, words};
 use crate::worker::Worker;
 use core::ffi::{CStr, c_char, c_void};
 use std::ffi::CString;
@@ -23,7 +23,8 @@ pub enum Log {
 impl Log {
     /// Calls the importer's log, where it gave one.
     pub fn say(&self, status: Status, message: &str) {
-        let Ok(message) = CString::new(message.replace('\0', " ")) else { return };
+        let percent = if matches!(self, Self::Two(..)) { "%%" } else { "%" };
+        let Ok(message) = CString::new(message.replace('\0', " ").replace('%', percent)) else { return };
         let category = if status == Status::Ok { c"logEvents" } else { c"logStatusError" };
         match self {
             Self::Three(environment, Some(callback)) => {
@@ -31,9 +32,8 @@ impl Log {
                 unsafe { callback(*environment, status, category.as_ptr(), message.as_ptr()) };
             }
             Self::Two(environment, name, Some(callback)) => {
-                let Ok(format) = CString::new(message.to_string_lossy().replace('%', "%%")) else { return };
                 // SAFETY: likewise; a format without directives takes no further arguments.
-                unsafe { callback(*environment, name.as_ptr(), status, category.as_ptr(), format.as_ptr()) };
+                unsafe { callback(*environment, name.as_ptr(), status, category.as_ptr(), message.as_ptr()) };
             }
             Self::Three(_, None) | Self::Two(_, _, None) => {}
         }
@@ -46,20 +46,20 @@ pub struct Instance {
     log: Log,
     /// When the importer's time begins, s: FMI 2 gives it before it is asked for.
     pub start_s: f64,
-    /// The latest texts that were handed out, kept until the next ones.
-    pub texts: Vec<u8>,
+    /// What was got last: texts that were handed out lie in it.
+    pub got: Vec<u8>,
 }
 
 impl Instance {
     /// Starts an instance; returns the importer's pointer to it, null with a message where it cannot start.
-    pub fn start(version: &str, resources: Result<String, String>, token: *const c_char, log: Log) -> *mut c_void {
+    pub fn start(resources: Result<String, String>, token: *const c_char, log: Log) -> *mut c_void {
         let started = resources.and_then(|resources| {
             let token =
                 text(token).ok_or("the instantiation token must be a text; got null or bytes that are not UTF-8")?;
-            Worker::start(version, &resources, token)
+            Worker::start(&resources, token)
         });
         match started {
-            Ok(worker) => Box::into_raw(Box::new(Self { worker, log, start_s: 0.0, texts: Vec::new() })).cast(),
+            Ok(worker) => Box::into_raw(Box::new(Self { worker, log, start_s: 0.0, got: Vec::new() })).cast(),
             Err(why) => {
                 log.say(Status::Error, &why);
                 core::ptr::null_mut()
@@ -68,12 +68,13 @@ impl Instance {
     }
 
     /// Asks the program; logs what it says. Without success there is no content.
-    pub fn ask(&mut self, operation: Operation, content: &[u8]) -> (Status, Vec<u8>) {
-        let reply = self.worker.ask(operation, content);
-        if !reply.message.is_empty() {
-            self.log.say(reply.status, &reply.message);
+    pub fn ask(&mut self, code: Operation, references: &[u32], content: Vec<u8>) -> (Status, Vec<u8>) {
+        let head = references.iter().flat_map(|reference| reference.to_ne_bytes()).collect();
+        let reply = self.worker.ask(&Request { code, head, content });
+        if !reply.head.is_empty() {
+            self.log.say(reply.code, &String::from_utf8_lossy(&reply.head));
         }
-        (reply.status, reply.content)
+        (reply.code, reply.content)
     }
 
     /// Logs an error.
@@ -98,10 +99,9 @@ pub fn free(instance: *mut c_void) {
     }
 }
 
-/// Asks the program of the instance behind a pointer, with words of eight bytes.
-pub fn call(instance: *mut c_void, operation: Operation, words: &[f64]) -> Status {
-    let content: Vec<u8> = words.iter().flat_map(|word| word.to_ne_bytes()).collect();
-    of(instance).map_or(Status::Error, |instance| instance.ask(operation, &content).0)
+/// Asks the program of the instance behind a pointer, with times in s.
+pub fn call(instance: *mut c_void, operation: Operation, times_s: &[f64]) -> Status {
+    of(instance).map_or(Status::Error, |instance| instance.ask(operation, &[], words(times_s)).0)
 }
 
 /// Refuses a call that the description excludes.

@@ -30,7 +30,6 @@ pub mod fmi3 {
     //! FMI 3.0.2 (fmi3FunctionTypes.h).
     pub mod calls;
     pub mod denied;
-    pub mod values;
 }
 pub mod instance;
 pub mod protocol;

@@ -1,117 +1,136 @@
 //! Values of variables between the importer's arrays and the program's words.
 
 use crate::instance::{of, text};
-use crate::protocol::{Kind, Operation, Status, selection};
+use crate::protocol::{Kind, Operation, Status};
 use core::ffi::{CStr, c_char, c_void};
 
-/// A number of the C interface that travels as a word of eight bytes.
-pub trait Word: Copy {
-    /// Returns the number in a word; `None` when it does not fit.
-    fn of(word: [u8; 8]) -> Option<Self>;
-    /// Returns its word; `None` when it does not fit.
-    fn word(self) -> Option<[u8; 8]>;
+/// A value of the C interface on its way to the program or from it.
+pub trait Wire: Copy {
+    /// Takes the value at the front of the content; `None` where there is none, or it does not fit.
+    fn take(rest: &mut &[u8]) -> Option<Self>;
+    /// Returns its bytes; `None` when it does not fit.
+    fn bytes(self) -> Option<Vec<u8>>;
 }
 
-impl Word for f64 {
-    fn of(word: [u8; 8]) -> Option<Self> {
-        Some(Self::from_ne_bytes(word))
-    }
-
-    fn word(self) -> Option<[u8; 8]> {
-        Some(self.to_ne_bytes())
-    }
+fn word(rest: &mut &[u8]) -> Option<[u8; 8]> {
+    let (word, others) = rest.split_first_chunk()?;
+    *rest = others;
+    Some(*word)
 }
 
-impl Word for bool {
-    fn of(word: [u8; 8]) -> Option<Self> {
-        Some(i64::from_ne_bytes(word) != 0)
+impl Wire for f64 {
+    fn take(rest: &mut &[u8]) -> Option<Self> {
+        word(rest).map(Self::from_ne_bytes)
     }
 
-    fn word(self) -> Option<[u8; 8]> {
-        Some(i64::from(self).to_ne_bytes())
+    fn bytes(self) -> Option<Vec<u8>> {
+        Some(self.to_ne_bytes().into())
     }
 }
 
-macro_rules! whole_words {
+impl Wire for bool {
+    fn take(rest: &mut &[u8]) -> Option<Self> {
+        i64::take(rest).map(|number| number != 0)
+    }
+
+    fn bytes(self) -> Option<Vec<u8>> {
+        i64::from(self).bytes()
+    }
+}
+
+macro_rules! whole_numbers {
     ($($number:ty),*) => {$(
-        impl Word for $number {
-            fn of(word: [u8; 8]) -> Option<Self> {
-                Self::try_from(i64::from_ne_bytes(word)).ok()
+        impl Wire for $number {
+            fn take(rest: &mut &[u8]) -> Option<Self> {
+                word(rest).and_then(|word| i64::from_ne_bytes(word).try_into().ok())
             }
 
-            fn word(self) -> Option<[u8; 8]> {
-                i64::try_from(self).ok().map(i64::to_ne_bytes)
+            fn bytes(self) -> Option<Vec<u8>> {
+                i64::try_from(self).ok().map(|number| number.to_ne_bytes().into())
             }
         }
     )*};
 }
 
-whole_words!(i8, u8, i16, u16, i32, u32, i64, u64);
+whole_numbers!(i8, u8, i16, u16, i32, u32, i64, u64);
 
-const DOES_NOT_FIT: &str = "a value does not fit the type of this function; take one of a wider type";
+impl Wire for *const c_char {
+    fn take(rest: &mut &[u8]) -> Option<Self> {
+        let text = CStr::from_bytes_until_nul(rest).ok()?;
+        *rest = rest.get(text.count_bytes() + 1..)?;
+        Some(text.as_ptr())
+    }
 
-/// Fills `values` from variables, arrays one after the other.
-pub fn get<T: Word>(instance: *mut c_void, kind: Kind, references: &[u32], values: &mut [T]) -> Status {
+    fn bytes(self) -> Option<Vec<u8>> {
+        text(self).map(|text| [text.as_bytes(), &[0]].concat())
+    }
+}
+
+/// Fills `values` from variables, arrays one after the other. Texts last until the next call, as the standards say.
+pub fn get<T: Wire>(instance: *mut c_void, kind: Kind, references: &[u32], values: &mut [T]) -> Status {
     let Some(instance) = of(instance) else { return Status::Error };
-    let (status, content) = instance.ask(Operation::Get, &selection(kind, references));
+    let (status, content) = instance.ask(Operation::Get(kind), references, Vec::new());
     if status != Status::Ok {
         return status;
     }
-    let words = content.as_chunks::<8>().0;
-    if words.len() != values.len() {
-        return instance.fail(&format!(
-            "got places for {} values, and the variables have {}",
-            values.len(),
-            words.len()
-        ));
+    instance.got = content;
+    let mut rest = instance.got.as_slice();
+    let are_all = values.iter_mut().all(|place| T::take(&mut rest).map(|value| *place = value).is_some());
+    if are_all && rest.is_empty() {
+        return Status::Ok;
     }
-    for (place, word) in values.iter_mut().zip(words) {
-        let Some(value) = T::of(*word) else { return instance.fail(DOES_NOT_FIT) };
-        *place = value;
-    }
-    Status::Ok
+    instance.fail("wanted places for as many values as the variables have, of a type that holds them")
 }
 
 /// Sets variables, arrays one after the other.
-pub fn set<T: Word>(instance: *mut c_void, kind: Kind, references: &[u32], values: &[T]) -> Status {
+pub fn set<T: Wire>(instance: *mut c_void, kind: Kind, references: &[u32], values: &[T]) -> Status {
     let Some(instance) = of(instance) else { return Status::Error };
-    let mut content = selection(kind, references);
-    for value in values {
-        let Some(word) = value.word() else { return instance.fail(DOES_NOT_FIT) };
-        content.extend(word);
+    match values.iter().map(|value| value.bytes()).collect::<Option<Vec<_>>>() {
+        Some(content) => instance.ask(Operation::Set(kind), references, content.concat()).0,
+        None => instance.fail("wanted whole numbers below 2^63, texts in UTF-8; got another, or null"),
     }
-    instance.ask(Operation::Set, &content).0
 }
 
-/// Gets texts; they are kept until the next call.
-pub fn get_texts(instance: *mut c_void, references: &[u32], values: &mut [*const c_char]) -> Status {
-    let Some(instance) = of(instance) else { return Status::Error };
-    let (status, content) = instance.ask(Operation::Get, &selection(Kind::Text, references));
-    if status != Status::Ok {
-        return status;
-    }
-    instance.texts = content;
-    let mut rest = instance.texts.as_slice();
-    for place in values {
-        let Ok(text) = CStr::from_bytes_until_nul(rest) else {
-            return instance.fail("got places for more texts than there are variables");
-        };
-        *place = text.as_ptr();
-        rest = rest.get(text.count_bytes() + 1..).unwrap_or_default();
-    }
-    Status::Ok
-}
+/// Functions that get and set variables of a type. Those of FMI 3 say beside the count of references how many values
+/// there are: `$total`.
+macro_rules! accessors {
+    ($($get:ident, $set:ident, $kind:ident, $value:ty $(, $total:ident)?;)*) => {$(
+        #[unsafe(no_mangle)]
+        pub extern "C" fn $get(
+            instance: *mut c_void,
+            references: *const u32,
+            count: usize,
+            values: *mut $value,
+            $($total: usize,)?
+        ) -> Status {
+            let references = slice(references, count);
+            $(let count = $total;)?
+            get(instance, Kind::$kind, references, slice_mut(values, count))
+        }
 
-/// Sets texts.
-pub fn set_texts(instance: *mut c_void, references: &[u32], values: &[*const c_char]) -> Status {
-    let Some(instance) = of(instance) else { return Status::Error };
-    let mut content = selection(Kind::Text, references);
-    for value in values {
-        let Some(text) = text(*value) else {
-            return instance.fail("a text must end with a zero and be UTF-8; got null or other bytes");
-        };
-        content.extend_from_slice(text.as_bytes());
-        content.push(0);
-    }
-    instance.ask(Operation::Set, &content).0
+        #[unsafe(no_mangle)]
+        pub extern "C" fn $set(
+            instance: *mut c_void,
+            references: *const u32,
+            count: usize,
+            values: *const $value,
+            $($total: usize,)?
+        ) -> Status {
+            let references = slice(references, count);
+            $(let count = $total;)?
+            set(instance, Kind::$kind, references, slice(values, count))
+        }
+    )*};
 }
+pub(crate) use accessors;
+
+/// Functions that the description excludes. Their first argument is the instance; the others are not looked at.
+macro_rules! denied {
+    ($why:literal: $($name:ident($($argument:ty),*);)*) => {$(
+        #[unsafe(no_mangle)]
+        pub extern "C" fn $name(instance: *mut c_void, $(_: $argument),*) -> Status {
+            deny(instance, stringify!($name), $why)
+        }
+    )*};
+}
+pub(crate) use denied;

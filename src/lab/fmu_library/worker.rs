@@ -3,13 +3,12 @@
 //! It goes on until its socket closes, so it ends with the instance, and with the simulator however that ends. It has a
 //! process group of its own: Ctrl-C in the simulator's terminal is the simulator's to act on.
 
-use crate::protocol::{Operation, Reply, Status, read_reply, request};
+use crate::protocol::{Reply, Request, Status};
 use core::ffi::{c_int, c_void};
 use std::os::fd::{AsRawFd, OwnedFd};
 use std::os::unix::{fs::PermissionsExt, net::UnixStream, process::CommandExt};
-use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
-use std::{fs, io, net::Shutdown};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::{fs, io, net::Shutdown, path::Path};
 
 /// The program, below the resources.
 const PROGRAM: &str = "starloop";
@@ -28,11 +27,11 @@ pub struct Worker {
 }
 
 impl Worker {
-    /// Starts the program for a unit of a version of FMI, and returns it when it has taken the unit in.
+    /// Starts the program, and returns it when it has taken the unit in.
     ///
     /// # Errors
     /// With why it cannot be started, or what it refuses.
-    pub fn start(version: &str, resources: &str, token: &str) -> Result<Self, String> {
+    pub fn start(resources: &str, token: &str) -> Result<Self, String> {
         let program = Path::new(resources).join(PROGRAM);
         let refuse = |error: io::Error| {
             format!(
@@ -40,46 +39,39 @@ impl Worker {
                 program.display()
             )
         };
-        let (ours, theirs) = UnixStream::pair().map_err(refuse)?;
-        let child = launch(&program, [version, resources, token], theirs).map_err(refuse)?;
-        let mut worker = Self { child, stream: ours };
-        let reply = worker.reply();
-        if reply.status == Status::Ok { Ok(worker) } else { Err(reply.message) }
+        let (stream, theirs) = UnixStream::pair().map_err(refuse)?;
+        let child = launch(&program, [resources, token], theirs).map_err(refuse)?;
+        let mut worker = Self { child, stream };
+        let reply = Reply::read(&mut worker.stream).unwrap_or_else(|error| worker.lost(&error));
+        if reply.code == Status::Ok { Ok(worker) } else { Err(String::from_utf8_lossy(&reply.head).into()) }
     }
 
     /// Asks for one thing; a program that has ended is a fatal reply.
-    pub fn ask(&mut self, operation: Operation, content: &[u8]) -> Reply {
-        match send_all(&self.stream, &request(operation, content)) {
-            Ok(()) => self.reply(),
-            Err(_gone) => self.ended(),
-        }
+    pub fn ask(&mut self, request: &Request) -> Reply {
+        let sent = send_all(&self.stream, &request.bytes());
+        sent.and_then(|()| Reply::read(&mut self.stream)).unwrap_or_else(|error| self.lost(&error))
     }
 
-    fn reply(&mut self) -> Reply {
-        match read_reply(&mut self.stream) {
-            Ok(Some(reply)) => reply,
-            Ok(None) => self.ended(),
-            Err(error) if error.kind() == io::ErrorKind::InvalidData => Reply::of(Status::Fatal, error.to_string()),
-            Err(_gone) => self.ended(),
-        }
+    fn lost(&mut self, error: &io::Error) -> Reply {
+        let how = self.end().map_or_else(|error| error.to_string(), |status| status.to_string());
+        Reply::of(Status::Fatal, &format!("the program of this unit has ended ({how}; {error}); free the instance"))
     }
 
-    fn ended(&mut self) -> Reply {
+    /// Closes the socket, by which the program ends.
+    fn end(&mut self) -> io::Result<ExitStatus> {
         let _ = self.stream.shutdown(Shutdown::Both); // it may be closed already
-        let how = self.child.wait().map_or_else(|error| error.to_string(), |status| status.to_string());
-        Reply::of(Status::Fatal, format!("the program of this unit has ended ({how}); free the instance"))
+        self.child.wait()
     }
 }
 
 impl Drop for Worker {
     fn drop(&mut self) {
-        let _ = self.stream.shutdown(Shutdown::Both); // it may be closed already
-        let _ = self.child.wait(); // a simulator that collects its children has done so
+        let _ = self.end(); // a simulator that collects its children has done so
     }
 }
 
 /// Starts the program with one end of the socket as its standard input. Unzipping may lose the permission to run it.
-fn launch(program: &PathBuf, words: [&str; 3], socket: UnixStream) -> io::Result<Child> {
+fn launch(program: &Path, words: [&str; 2], socket: UnixStream) -> io::Result<Child> {
     let mode = fs::metadata(program)?.permissions().mode();
     if mode & 0o100 == 0 {
         fs::set_permissions(program, fs::Permissions::from_mode(mode | 0o700))?;

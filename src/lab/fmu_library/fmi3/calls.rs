@@ -1,7 +1,8 @@
-//! Life of an instance: made, initialised, stepped, ended, freed.
+//! Life of an instance: made, initialised, set, stepped, read, ended, freed.
 
-use crate::instance::{Instance, Log, LogMessage3, call, deny, free, of, put, text};
-use crate::protocol::{Operation, Status};
+use crate::instance::{Instance, Log, LogMessage3, call, free, of, put, slice, slice_mut, text};
+use crate::protocol::{Kind, Operation, Status, words};
+use crate::wire::{accessors, get, set};
 use core::ffi::{c_char, c_void};
 
 /// `fmi3IntermediateUpdateCallback`, which is never called.
@@ -28,9 +29,10 @@ pub extern "C" fn fmi3InstantiateCoSimulation(
     log_message: LogMessage3,
     _intermediate_update: IntermediateUpdate,
 ) -> *mut c_void {
-    let resources = text(resource_path).ok_or("the resource path must be a text; got null or bytes that are not UTF-8");
-    let resources = resources.map(str::to_owned).map_err(str::to_owned);
-    Instance::start("3", resources, token, Log::Three(environment, log_message))
+    let resources = text(resource_path).map(str::to_owned);
+    let resources =
+        resources.ok_or_else(|| "the resource path must be a text; got null or bytes that are not UTF-8".into());
+    Instance::start(resources, token, Log::Three(environment, log_message))
 }
 
 /// Frees an instance; null is allowed.
@@ -67,11 +69,6 @@ pub extern "C" fn fmi3ExitInitializationMode(instance: *mut c_void) -> Status {
 }
 
 #[unsafe(no_mangle)]
-pub extern "C" fn fmi3EnterStepMode(instance: *mut c_void) -> Status {
-    deny(instance, "fmi3EnterStepMode", "event mode")
-}
-
-#[unsafe(no_mangle)]
 pub extern "C" fn fmi3Terminate(instance: *mut c_void) -> Status {
     call(instance, Operation::Terminate, &[])
 }
@@ -93,9 +90,22 @@ pub extern "C" fn fmi3DoStep(
     last_successful_s: *mut f64,
 ) -> Status {
     let Some(instance) = of(instance) else { return Status::Error };
-    let content = [from_s.to_ne_bytes(), step_s.to_ne_bytes()].concat();
-    let (status, time) = instance.ask(Operation::Step, &content);
+    let (status, time) = instance.ask(Operation::Step, &[], words(&[from_s, step_s]));
     [event_handling_needed, terminate_simulation, early_return].into_iter().for_each(|place| put(place, false));
     put(last_successful_s, time.first_chunk().map_or(from_s, |word| f64::from_ne_bytes(*word)));
     status
+}
+
+accessors! {
+    fmi3GetFloat64, fmi3SetFloat64, Real, f64, value_count;
+    fmi3GetInt8, fmi3SetInt8, Whole, i8, value_count;
+    fmi3GetUInt8, fmi3SetUInt8, Whole, u8, value_count;
+    fmi3GetInt16, fmi3SetInt16, Whole, i16, value_count;
+    fmi3GetUInt16, fmi3SetUInt16, Whole, u16, value_count;
+    fmi3GetInt32, fmi3SetInt32, Whole, i32, value_count;
+    fmi3GetUInt32, fmi3SetUInt32, Whole, u32, value_count;
+    fmi3GetInt64, fmi3SetInt64, Whole, i64, value_count;
+    fmi3GetUInt64, fmi3SetUInt64, Whole, u64, value_count;
+    fmi3GetBoolean, fmi3SetBoolean, Boolean, bool, value_count;
+    fmi3GetString, fmi3SetString, Text, *const c_char, value_count;
 }

@@ -1,23 +1,14 @@
 //! Functions of FMI 3.0 that the description excludes: each call is refused with an error.
 
 use crate::instance::{Log, LogMessage3, deny};
-use crate::protocol::Status;
+use crate::{protocol::Status, wire::denied};
 use core::ffi::{c_char, c_void};
-
-/// Functions whose first argument is the instance; the others are not looked at.
-macro_rules! denied {
-    ($why:literal: $($name:ident($($argument:ty),*);)*) => {$(
-        #[unsafe(no_mangle)]
-        pub extern "C" fn $name(instance: *mut c_void, $(_: $argument),*) -> Status {
-            deny(instance, stringify!($name), $why)
-        }
-    )*};
-}
 
 type References = *const u32;
 type Any = *mut c_void;
 
 denied! { "event or configuration mode":
+    fmi3EnterStepMode();
     fmi3EnterEventMode();
     fmi3EnterConfigurationMode();
     fmi3ExitConfigurationMode();
