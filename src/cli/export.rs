@@ -429,9 +429,7 @@ pub fn run_fmu(arguments: &FmuArgs) -> Result<()> {
 fn print_jitter(bench: &Bench) {
     let lines = bench.flight_computer.jitter_lines.len();
     if lines > 0 {
-        println!(
-            "jitter lines of the simulated flight computer: {lines} left out; the input jitter takes their place"
-        );
+        println!("jitter lines of the simulated flight computer: {lines} left out; the input jitter takes their place");
     }
     if let Some(input) = &bench.jitter {
         println!("{} of [jitter] is added to every frame", input.path);
