@@ -471,15 +471,6 @@ mod tests {
     }
 
     #[test]
-    fn jitter_that_a_unit_leaves_out_is_named() {
-        let mut bench = Bench::built_in().unwrap();
-        let notes = jitter_notes(&bench);
-        assert!(notes.len() == 1 && notes[0].contains("(3)") && notes[0].contains("input jitter"), "{notes:?}");
-        bench.flight_computer.jitter_lines.clear();
-        assert!(jitter_notes(&bench).is_empty());
-    }
-
-    #[test]
     fn a_bench_is_exported_as_it_would_be_flown() {
         let source = ExportSource::open(Path::new("benches/loopback.toml"), None, None).unwrap();
         let history = source.attitudes(false).unwrap();
