@@ -141,7 +141,7 @@ class Unit(unittest.TestCase):
         return [zlib.crc32(path.read_bytes()[-131072:]) for path in files]
 
     def simulated(self, unit, folder, outputs, **inputs):
-        """What FMPy says of a unit after a second that it simulates by itself."""
+        """The outputs of a unit after a second that FMPy simulates by itself."""
         inputs["output_dir"] = str(self.here / folder)
         times = {"stop_time": 1.0, "step_size": 0.1, "output_interval": 0.1}
         return simulate_fmu(str(unit), start_values=inputs, output=outputs, **times)[-1]

@@ -4,12 +4,11 @@
 //! program, which the library reports.
 
 use crate::error::FmuError;
-use crate::protocol::{Kind, Operation, Reply, Request, Status, words};
+use crate::protocol::{Kind, Operation, Reply, Request, Status, next_text, next_word, words};
 use crate::slave::Slave;
 use crate::values::{Place, Value};
 use crate::variables::element_of;
 use base::refused::Refused;
-use core::ffi::CStr;
 use std::io::{self, ErrorKind, Read, Write};
 use std::path::Path;
 
@@ -107,13 +106,15 @@ fn fill(kind: Kind, place: Place<'_>, element: Option<usize>, rest: &mut &[u8]) 
                 None => numbers,
             };
             for number in numbers {
-                *number = finite(f64::from_ne_bytes(word(rest)?))?;
+                *number = finite(f64::from_ne_bytes(next_word(rest).ok_or(TOO_FEW)?))?;
             }
         }
         (Kind::Whole, Place::Short(number), None) => *number = whole(rest)?,
         (Kind::Whole, Place::Long(number), None) => *number = whole(rest)?,
         (Kind::Boolean, Place::Boolean(is_so), None) => *is_so = whole::<i64>(rest)? != 0,
-        (Kind::Text, Place::Text(text), None) => *text = next_text(rest)?,
+        (Kind::Text, Place::Text(text), None) => {
+            *text = next_text(rest).ok_or(TOO_FEW)?.to_str().map_err(|_| "wanted UTF-8")?.to_owned()
+        }
         _other_type => return Err(none()),
     }
     Ok(())
@@ -124,20 +125,8 @@ fn finite(number: f64) -> Result<f64, String> {
 }
 
 fn whole<T: TryFrom<i64>>(rest: &mut &[u8]) -> Result<T, String> {
-    let number = i64::from_ne_bytes(word(rest)?);
+    let number = i64::from_ne_bytes(next_word(rest).ok_or(TOO_FEW)?);
     T::try_from(number).map_err(|_| format!("wanted a number that the variable's type holds, got {number}"))
-}
-
-fn word(rest: &mut &[u8]) -> Result<[u8; 8], &'static str> {
-    let (word, others) = rest.split_first_chunk().ok_or(TOO_FEW)?;
-    *rest = others;
-    Ok(*word)
-}
-
-fn next_text(rest: &mut &[u8]) -> Result<String, &'static str> {
-    let text = CStr::from_bytes_until_nul(rest).map_err(|_| TOO_FEW)?;
-    *rest = rest.get(text.count_bytes() + 1..).unwrap_or_default();
-    text.to_str().map(str::to_owned).map_err(|_| "wanted UTF-8")
 }
 
 const TOO_FEW: &str = "got fewer values than the variables have together";

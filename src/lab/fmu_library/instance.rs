@@ -46,7 +46,7 @@ pub struct Instance {
     log: Log,
     /// When the importer's time begins, s: FMI 2 gives it before it is asked for.
     pub start_s: f64,
-    /// What was got last: texts that were handed out lie in it.
+    /// The values got last: texts that were handed out lie in it.
     pub got: Vec<u8>,
 }
 

@@ -11,6 +11,7 @@
 //! an i64; a truth is 0 or 1; texts end with a zero each. Both crates compile this file, so that the library needs
 //! nothing else.
 
+use core::ffi::CStr;
 use std::io::{self, Read};
 
 /// Types of variables on the way.
@@ -143,6 +144,20 @@ impl Reply {
 /// Returns numbers as words.
 pub fn words(numbers: &[f64]) -> Vec<u8> {
     numbers.iter().flat_map(|number| number.to_ne_bytes()).collect()
+}
+
+/// Takes the word at the front of values; `None` where there are fewer bytes.
+pub fn next_word(rest: &mut &[u8]) -> Option<[u8; 8]> {
+    let (word, others) = rest.split_first_chunk()?;
+    *rest = others;
+    Some(*word)
+}
+
+/// Takes the text at the front of values; `None` where none ends.
+pub fn next_text<'a>(rest: &mut &'a [u8]) -> Option<&'a CStr> {
+    let text = CStr::from_bytes_until_nul(rest).ok()?;
+    *rest = rest.get(text.count_bytes() + 1..)?;
+    Some(text)
 }
 
 const GARBLED: &str = "a message that makes no sense: the library and the program are not of one unit";

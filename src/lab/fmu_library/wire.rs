@@ -1,7 +1,7 @@
 //! Values of variables between the importer's arrays and the program's words.
 
 use crate::instance::{of, text};
-use crate::protocol::{Kind, Operation, Status};
+use crate::protocol::{Kind, Operation, Status, next_text, next_word};
 use core::ffi::{CStr, c_char, c_void};
 
 /// A value of the C interface on its way to the program or from it.
@@ -12,15 +12,9 @@ pub trait Wire: Copy {
     fn bytes(self) -> Option<Vec<u8>>;
 }
 
-fn word(rest: &mut &[u8]) -> Option<[u8; 8]> {
-    let (word, others) = rest.split_first_chunk()?;
-    *rest = others;
-    Some(*word)
-}
-
 impl Wire for f64 {
     fn take(rest: &mut &[u8]) -> Option<Self> {
-        word(rest).map(Self::from_ne_bytes)
+        next_word(rest).map(Self::from_ne_bytes)
     }
 
     fn bytes(self) -> Option<Vec<u8>> {
@@ -42,7 +36,7 @@ macro_rules! whole_numbers {
     ($($number:ty),*) => {$(
         impl Wire for $number {
             fn take(rest: &mut &[u8]) -> Option<Self> {
-                word(rest).and_then(|word| i64::from_ne_bytes(word).try_into().ok())
+                next_word(rest).and_then(|word| i64::from_ne_bytes(word).try_into().ok())
             }
 
             fn bytes(self) -> Option<Vec<u8>> {
@@ -56,9 +50,7 @@ whole_numbers!(i8, u8, i16, u16, i32, u32, i64, u64);
 
 impl Wire for *const c_char {
     fn take(rest: &mut &[u8]) -> Option<Self> {
-        let text = CStr::from_bytes_until_nul(rest).ok()?;
-        *rest = rest.get(text.count_bytes() + 1..)?;
-        Some(text.as_ptr())
+        next_text(rest).map(CStr::as_ptr)
     }
 
     fn bytes(self) -> Option<Vec<u8>> {
