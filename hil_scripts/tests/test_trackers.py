@@ -67,7 +67,7 @@ TRUTH = """import csv, pathlib, sys
 frames, log = pathlib.Path(sys.argv[1]), pathlib.Path(sys.argv[3])
 rows = list(csv.DictReader((frames / "frames.csv").open()))
 """
-"""The beginning of programs that read the truth: in the place of any tracker."""
+"""First lines of programs that read the truth, in the place of any tracker."""
 
 
 def matrix_of(row):
@@ -212,6 +212,7 @@ class Forms(Trackers):
     def test_a_roll_without_its_convention_is_refused_and_with_it_is_the_truth(self):
         self.write_angles()
         self.assertIn("got ra,dec,roll without the convention of the roll", self.fly(status=1))
+        self.assertFalse((self.out / "plan.json").exists(), "at its first case")
         self.assert_is_the_truth(self.fly(extra='roll = "tetra3"'))
         # As an option of report; the other conventions are false.
         for roll, is_true in (("cedar-solve", True), ("lost", False), ("astrometry", False)):

@@ -46,7 +46,7 @@ pub struct ReportArgs {
     #[arg(long, value_name = "AXES", value_parser = str::parse::<Axes>, allow_hyphen_values = true)]
     axes: Option<Axes>,
     /// Find the constant turn from the tracker's axes to the sensor's, and print the line to paste in place of a report
-    #[arg(long, conflicts_with_all = ["axes", "json", "pdf", "out"])]
+    #[arg(long, conflicts_with_all = ["axes", "requirements", "json", "pdf", "out"])]
     find_axes: bool,
     /// Requirements (TOML); without them: no false solution, and half of the attitudes acquired
     #[arg(long, value_name = "FILE")]
@@ -146,7 +146,7 @@ impl ReportArgs {
     }
 }
 
-/// What was stated beside the log, for the conditions of a report.
+/// Statements beside the log, for the conditions of a report.
 fn stated(form: &LogForm) -> impl Iterator<Item = (String, String)> {
     let roll = form.roll.map(|roll| ("roll of the log".to_owned(), <&str>::from(roll).to_owned()));
     let axes = form.axes.map(|axes| ("axes of the log".to_owned(), axes.to_string()));

@@ -60,7 +60,7 @@ pub struct PlanFile {
     /// Unit, author and date in the head of the report.
     #[serde(default)]
     pub document: Paperwork,
-    /// What the plan states about the tracker's logs.
+    /// Statements of the plan about the logs of its tracker.
     #[serde(default)]
     pub log: LogForm,
 }

@@ -198,7 +198,7 @@ impl fmt::Display for Axes {
     }
 }
 
-/// What is stated about a log, in the log or beside it.
+/// Statements about a log, in it or beside it.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct LogForm {
     /// Convention of the roll of right ascension, declination and roll.
