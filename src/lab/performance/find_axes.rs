@@ -1,7 +1,7 @@
 //! The constant turn between a tracker's axes and the sensor's, from its answers and the truth.
 //!
-//! Each solution gives a turn `sensor_from_icrf * icrf_from_tracker`. The found one is the turn that is nearest to the others
-//! by the median, then the mean of those that agree with it: within the limits of a false solution, and within five
+//! Each solution gives a turn `sensor_from_icrf * icrf_from_tracker`. The found one is the turn with which most
+//! others agree, then the mean of these: within the limits of a false solution, and within five
 //! deviations of their own spread, so that wrong identifications have no part. It is constant where more than half of all
 //! solutions agree, by a one-sided test of their share (Clopper and Pearson). Solutions at one attitude, or about one
 //! axis, agree with wrong senses and signs too: they are refused.
@@ -111,9 +111,14 @@ fn solved(frame: &Judged) -> Option<(DQuat, DQuat)> {
 impl Fit {
     fn of(turns: &[DQuat], limit: &FalseLimit, confidence: f64) -> Self {
         let some = |most: usize| turns.iter().step_by(turns.len().div_ceil(most));
-        let off = |one: &DQuat| median(some(COMPARED).map(|other| attitude_error(*other, *one).length()).collect());
-        let central = some(CANDIDATES).map(|turn| (off(turn), *turn)).min_by(|one, other| one.0.total_cmp(&other.0));
-        let mut turn = central.map_or(DQuat::IDENTITY, |(_, turn)| turn);
+        let rated = some(CANDIDATES).map(|turn| {
+            let errors: Vec<DVec3> = some(COMPARED).map(|other| attitude_error(*other, *turn)).collect();
+            let off = median(errors.iter().map(|error| error.length()).collect());
+            (Self::near(&errors, limit).len(), off, *turn)
+        });
+        // Most of them agree, or, where none does, the half of them is nearest.
+        let central = rated.max_by(|one, other| one.0.cmp(&other.0).then(other.1.total_cmp(&one.1)));
+        let mut turn = central.map_or(DQuat::IDENTITY, |(_, _, turn)| turn);
         for _ in 0..ROUNDS {
             let near = Self::near(&Self::errors(turns, turn), limit);
             let sigma = [0, 1, 2].map(|axis| robust_sigma(&near, axis).max(1e-12));
