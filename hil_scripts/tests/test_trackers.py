@@ -10,21 +10,20 @@ import json
 import math
 import os
 import socket
-import subprocess
 import sys
 import threading
 import types
 import unittest
-import venv
 from pathlib import Path
 
 import numpy
 from support import ROOT, TARGET, InAFolder, product, rows_of, starloop
+from test_tracker_report import cedar_python, python_with
 
 TRACKERS = ROOT / "hil_scripts/trackers"
 ADAPTERS = ("cedar_solve", "lost", "openstartracker", "tetra3_rs")
 LINES_MOST = 10
-PACKAGES = {"cedar_solve": ("cedar-solve==0.5.1", "tetra3"), "tetra3_rs": ("tetra3rs==0.14.0", "tetra3rs")}
+TETRA3RS = "tetra3rs==0.14.0"
 QUATERNION = ("qw", "qx", "qy", "qz")
 PLAN = f"""name = "other trackers"
 camera = "{ROOT}/configs/cameras/CAMERA.toml"
@@ -262,22 +261,12 @@ class Forms(Trackers):
 class Installed(Trackers):
     """The programs themselves."""
 
-    @staticmethod
-    def python(name):
-        """Returns the Python of an environment with a package, and makes it where there is none."""
-        package, module = PACKAGES[name]
-        folder = TARGET / f"{name}_environment" if name != "cedar_solve" else TARGET / "cedar_environment"
-        python = folder / "bin/python"
-        if not python.exists() or subprocess.run([python, "-c", f"import {module}, numpy"], capture_output=True).returncode != 0:
-            venv.create(folder, with_pip=True, clear=True)
-            subprocess.run([python, "-m", "pip", "install", "-q", "--disable-pip-version-check", package], check=True, timeout=900)
-        return str(python)
-
     def test_they_solve_frames_in_space(self):
-        for name in PACKAGES:
+        tetra3rs = python_with(TARGET / "tetra3rs_environment", TETRA3RS, "tetra3rs, numpy")
+        for name, python in {"cedar_solve": cedar_python(), "tetra3_rs": tetra3rs}.items():
             with self.subTest(name=name):
                 self.out = self.folder / name
-                command = [self.python(name), *self.adapter(name)[1:]]
+                command = [python, *self.adapter(name)[1:]]
                 metrics = self.fly(command, camera="star_tracker_20deg")
                 self.assertEqual(metrics["false_solutions"], 0)
                 self.assertGreaterEqual(metrics["acquisition_probability"], 0.9)

@@ -62,7 +62,7 @@ pub fn find_axes(cases: &[JudgedCase], limit: &FalseLimit, confidence: f64) -> R
     let solved = cases.iter().flat_map(|case| &case.frames).filter_map(solved);
     let (truths, turns): (Vec<DQuat>, Vec<DQuat>) = solved.unzip();
     if turns.is_empty() {
-        bail!("--find-axes: no frame has a solution; wanted some");
+        bail!("axes: no frame has a solution; wanted some");
     }
     let fit = Fit::of(&turns, limit, confidence);
     if !fit.is_shown {
@@ -76,7 +76,7 @@ pub fn find_axes(cases: &[JudgedCase], limit: &FalseLimit, confidence: f64) -> R
             "check the sense of its quaternions, the convention of its roll, the numbers of frames and its false solutions"
         };
         bail!(
-            "--find-axes: the turn is not constant: {} of {} solutions agree within {} arcsec across the boresight and {} about it, \
+            "axes: the turn is not constant: {} of {} solutions agree within {} arcsec across the boresight and {} about it, \
              wanted more than half with a confidence of {confidence}; half of them are {half_deg:.3} deg and more off; {advice}",
             fit.agreeing.len(),
             turns.len(),
@@ -161,7 +161,7 @@ fn check_variety(truths: &[DQuat]) -> Result<()> {
     let [about_one_deg, across_deg] = [longest.length() / DEG, across / DEG];
     if about_one_deg < LEAST_VARIED_DEG || across_deg < LEAST_VARIED_DEG {
         bail!(
-            "--find-axes: the attitudes differ by {about_one_deg:.3} deg about one axis and {across_deg:.3} deg across it, wanted \
+            "axes: the attitudes differ by {about_one_deg:.3} deg about one axis and {across_deg:.3} deg across it, wanted \
              {LEAST_VARIED_DEG} deg each: a wrong sense or sign can look constant otherwise; take a run or plan with more attitudes"
         );
     }
