@@ -74,12 +74,17 @@ def change_log(case, change):
 
 def cedar_python():
     """Returns the Python of the environment with cedar-solve, and makes it where there is none."""
-    python = ENVIRONMENT / "bin/python"
-    check = [str(python), "-c", "import tetra3, numpy, scipy"]
+    return python_with(ENVIRONMENT, CEDAR_SOLVE, "tetra3, numpy, scipy")
+
+
+def python_with(environment, package, modules):
+    """Returns the Python of an environment with a package of PyPI that has these modules, and makes it where there is none."""
+    python = environment / "bin/python"
+    check = [str(python), "-c", f"import {modules}"]
     if not python.exists() or subprocess.run(check, capture_output=True).returncode != 0:
-        shutil.rmtree(ENVIRONMENT, ignore_errors=True)
-        venv.create(ENVIRONMENT, with_pip=True)
-        install = [str(python), "-m", "pip", "install", "-q", "--disable-pip-version-check", CEDAR_SOLVE]
+        shutil.rmtree(environment, ignore_errors=True)
+        venv.create(environment, with_pip=True)
+        install = [str(python), "-m", "pip", "install", "-q", "--disable-pip-version-check", package]
         subprocess.run(install, check=True, timeout=900)
     return python
 

@@ -208,6 +208,7 @@ fn plan_file(plan: &Plan, flight: &Flight<'_>, flown: &[Flown]) -> PlanFile {
         exclusion_noise_arcsec: settings.exclusion_noise_arcsec,
         cases: flown.iter().map(|flown| flown.folder.clone()).collect(),
         document: plan.document.clone(),
+        log: plan.tracker.log_form(),
     }
 }
 

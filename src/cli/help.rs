@@ -129,6 +129,7 @@ const EXAMPLES: &[(&str, &[&str])] = &[
         &[
             "report out/run --tracker tracker.csv",
             "report out/run --tracker tracker.aem --requirements requirements.toml --pdf",
+            "report out/flown --find-axes",
         ],
     ),
     ("display", &["display monitors", "display show plan/pattern_01.png --monitor 1"]),

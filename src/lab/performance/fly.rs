@@ -6,6 +6,7 @@
 
 use crate::attitudes::{BrightBodies, Circumstances};
 use crate::case_folder::{CASE, CaseFile, LOG};
+use crate::log::read_log;
 use crate::plan::{Plan, PlanCase, Source, folder_name};
 use crate::poses::{MARGIN_S, Pose, before_samples, margin_s, poses};
 use crate::tracker_inside::{Inside, TrackerLog};
@@ -310,7 +311,8 @@ impl<'a> Flight<'a> {
         if !log.exists() {
             bail!("tracker.command: {program} wrote no {}", log.display());
         }
-        Ok(())
+        // A log that cannot be read ends the flight at its first case.
+        read_log(log, &self.plan.tracker.log_form()).map(drop)
     }
 }
 

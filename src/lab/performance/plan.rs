@@ -1,5 +1,6 @@
 //! A test plan: what is flown, with which tracker, and how numbers are said.
 
+use crate::log_form::{Axes, LogForm, Roll};
 use crate::metric::{Settings, refuse_all};
 use crate::poses::{CaseMotion, MountingDrift, Sine};
 use crate::record::{FalseLimit, Use};
@@ -71,6 +72,10 @@ pub struct TrackerUnderTest {
     /// A program and its arguments: `{frames}` is the folder of images, `{log}` the log to write, `{camera}` the camera
     /// file.
     pub command: Vec<String>,
+    /// Convention of the roll in the log of a program outside.
+    pub roll: Option<Roll>,
+    /// From the axes of a program outside to the sensor's.
+    pub axes: Option<Axes>,
     /// Figures of the statistical tracker.
     pub model: Option<ModelFigures>,
 }
@@ -84,6 +89,8 @@ impl Default for TrackerUnderTest {
             delay_ms: 50.0,
             tag_error_ms: 0.0,
             command: Vec::new(),
+            roll: None,
+            axes: None,
             model: None,
         }
     }
@@ -289,12 +296,21 @@ impl Plan {
 }
 
 impl TrackerUnderTest {
+    /// Returns what is stated about its logs.
+    pub fn log_form(&self) -> LogForm {
+        LogForm { roll: self.roll, axes: self.axes, is_unturned: false }
+    }
+
     fn checks(&self) -> Vec<Result<()>> {
         let (is_program, is_model) = (self.source == Source::Program, self.source == Source::Model);
         let wanted =
             |is_good: bool, words: &'static str| if is_good { Ok(()) } else { Err(anyhow!("tracker: {words}")) };
         vec![
             wanted(is_program != self.command.is_empty(), "wanted command with source = \"program\", and only with it"),
+            wanted(
+                is_program || self.log_form() == LogForm::default(),
+                "wanted roll and axes with source = \"program\" only",
+            ),
             wanted(
                 is_model == self.model.is_some(),
                 "wanted [tracker.model] with source = \"model\", and only with it",
@@ -478,6 +494,12 @@ mod tests {
         assert!(refused(&format!("{BEGIN}{CASE}set = [\"a={{value}}\"]\n")).contains("without a sweep"));
         assert!(refused(&format!("{BEGIN}{CASE}acceleration_deg_s2 = [1, 0, 0]\n")).contains("along the axis"));
         assert!(refused(&format!("{BEGIN}{CASE}[tracker]\nsource = \"program\"\n")).contains("command"));
+        let axes = "[tracker]\nroll = \"tetra3\"\naxes = \"-y -z x\"\n";
+        assert!(refused(&format!("{BEGIN}{CASE}{axes}")).contains("roll and axes with source"));
+        let program = format!("{BEGIN}{CASE}{axes}source = \"program\"\ncommand = [\"a\"]\n");
+        assert_eq!(parse(&program).unwrap().tracker.roll, Some(Roll::North), "control");
+        assert!(refused(&program.replace("-y -z x", "x y -z")).contains("right-handed"));
+        assert!(refused(&program.replace("tetra3", "tetra")).contains("cedar-solve"));
         let png = format!("{BEGIN}set = [\"sink.png_every=1\"]\n{CASE}");
         assert!(refused(&png).contains("got \"sink.png_every=1\", wanted no sink"), "{}", refused(&png));
         assert!(refused(&format!("{BEGIN}{CASE}sine_arcsec = [9, 0, 0]\n")).contains("bandwidth"));
