@@ -151,12 +151,13 @@ pub(super) fn parts_of_plan(folder: &Path, plan: &PlanFile) -> Result<Parts> {
     let earlier = earlier(folder);
     let document =
         plan.document.clone().or(Paperwork { date_of_test: day_of(earlier.as_ref()), ..Paperwork::default() });
-    let conditions = vec![
+    let mut conditions = vec![
         ("plan".to_owned(), plan.name.clone()),
         ("tracker under test".into(), plan.tracker.clone()),
         ("camera".into(), plan.camera.clone()),
         ("cases".into(), plan.cases.len().to_string()),
     ];
+    conditions.extend(plan.images.iter().map(|images| ("images".to_owned(), images.clone())));
     provenance.seeds = earlier.map(|earlier| earlier.seeds).unwrap_or_default();
     let title = format!("{}, {}", plan.tracker, plan.name);
     Ok(Parts { title, cases, settings: plan.settings(), requirements, conditions, document, provenance })
