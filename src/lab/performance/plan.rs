@@ -318,8 +318,8 @@ const IDLE: [(&str, &str); 11] = [
     ("trigger_line", "no trigger line: a case is flown on the virtual clock"),
     ("budget", "no budget: a case is flown on the virtual clock, on which no frame is late"),
 ];
-const TO_THE_TRACKER: &str = "no sink: the frames of a case go to the tracker, to a program as FITS files (--keep-images keeps \
-                              them)";
+const TO_THE_TRACKER: &str = "no sink: the frames of a case go to the tracker, to a program as FITS files (--images adds \
+                              PNGs, --keep-images keeps them)";
 const NO_BUS: &str = "no bus: the attitudes of a case come from the plan";
 
 /// Refuses values that would have no effect on what flies.
