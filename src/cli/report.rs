@@ -213,6 +213,7 @@ pub(super) fn parts_of_plan(folder: &Path, plan: &PlanFile) -> Result<Parts> {
         ("cases".into(), plan.cases.len().to_string()),
     ];
     conditions.extend(stated(&plan.log));
+    conditions.extend(plan.images.iter().map(|images| ("images".to_owned(), images.clone())));
     provenance.seeds = earlier.map(|earlier| earlier.seeds).unwrap_or_default();
     let title = format!("{}, {}", plan.tracker, plan.name);
     Ok(Parts { title, cases, settings: plan.settings(), requirements, conditions, document, provenance })

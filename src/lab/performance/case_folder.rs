@@ -55,6 +55,9 @@ pub struct PlanFile {
     /// Largest temporal noise that exclusion angles allow.
     #[serde(default)]
     pub exclusion_noise_arcsec: Option<f64>,
+    /// Images that the program under test got, in words, where there were others than FITS.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub images: Option<String>,
     /// Folders of the cases.
     pub cases: Vec<String>,
     /// Unit, author and date in the head of the report.
