@@ -182,23 +182,27 @@ def matched(tetra, camera, ideal, timeout_ms, **more):
     )
 
 
+def attitude_of(tetra, camera, image, timeout_ms, when=None):
+    """Returns the attitude of an image and its number of stars, or None; `when` corrects for the Earth's velocity."""
+    places = spots(image)
+    if len(places) < 4:
+        return None
+    found = matched(tetra, camera, camera.undistorted(places), timeout_ms)
+    if found["RA"] is None:
+        return None
+    rows = matrix(found["RA"], found["Dec"], -found["Roll"])
+    return quaternion(rows if when is None else corrected(rows, earth_velocity(when))), found["Matches"]
+
+
 def solve(tetra, path, given):
     """Returns the row of one image: number, time, attitude or nothing, stars."""
     header, image = read_fits(path)
-    camera = Camera(given.camera, image.shape)
     number, utc = header["FRAME"], header["T-MID"]
-    places = spots(image)
-    nothing = [number, utc, "", "", "", "", ""]
-    if len(places) < 4:
-        return nothing
-    found = matched(tetra, camera, camera.undistorted(places), given.timeout_ms)
-    if found["RA"] is None:
-        return nothing
-    rows = matrix(found["RA"], found["Dec"], -found["Roll"])
-    if given.aberration:
-        when = datetime.fromisoformat(utc.replace("Z", "")[:26]).replace(tzinfo=timezone.utc)
-        rows = corrected(rows, earth_velocity(when))
-    return [number, utc, *(f"{value:.12f}" for value in quaternion(rows)), str(found["Matches"])]
+    when = datetime.fromisoformat(utc.replace("Z", "")[:26]).replace(tzinfo=timezone.utc)
+    found = attitude_of(tetra, Camera(given.camera, image.shape), image, given.timeout_ms, when if given.aberration else None)
+    if found is None:
+        return [number, utc, "", "", "", "", ""]
+    return [number, utc, *(f"{value:.12f}" for value in found[0]), str(found[1])]
 
 
 def main():

@@ -243,7 +243,10 @@ mod tests {
             ("protocol = \"canopen\"\nlink = \"socketcan\"", ["tracker_in[0].interface", "missing"]),
             ("link = \"udp\"\nlisten = 9101\nhead = 1", ["tracker_in[0].head", "below 1"]),
             ("link = \"bus\"", ["tracker_in[0].link", "udp, tcp or serial"]),
-            ("protocol = \"canopen\"\nlink = \"udp\"\nlisten = 1", ["tracker_in[0].link", "socketcan, slcan_tcp or bus"]),
+            (
+                "protocol = \"canopen\"\nlink = \"udp\"\nlisten = 1",
+                ["tracker_in[0].link", "socketcan, slcan_tcp or bus"],
+            ),
             ("link = \"tcp\"\nlisten = 9101\nbaud = 9600", ["tracker_in[0].baud", "serial"]),
             ("link = \"udp\"\nlisten = 9101\nnode_id = 5", ["tracker_in[0].node_id", "canopen"]),
             ("link = \"udp\"\nlisten = 1\nlate_after_ms = 2001.0", ["tracker_in[0].late_after_ms", "2000"]),

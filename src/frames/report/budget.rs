@@ -4,9 +4,9 @@
 //! compares the 99 % quantile (below 100 frames: the longest). A stage that did not run breaks no limit; that nothing
 //! was delivered breaks those of delivery.
 
-use crate::report::summary::AnswerRow;
 use crate::report::frame_ring::{FrameRing, Latency};
 use crate::report::stages::{Stage, StageHistograms};
+use crate::report::summary::AnswerRow;
 use crate::report::{
     histogram::Quantiles, json_pretty, machine::Machine, summary::FrameCounts, table::joined, verdict::RunVerdict,
 };

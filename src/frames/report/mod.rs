@@ -32,7 +32,9 @@ pub mod timeline;
 pub mod verdict;
 
 pub use account::{FrameAccount, FrameEnd, Tally};
-pub use budget::{BudgetLimits, BudgetLine, BudgetReport, HygieneLine, LineVerdict, answer_lines, budget_lines, budget_table};
+pub use budget::{
+    BudgetLimits, BudgetLine, BudgetReport, HygieneLine, LineVerdict, answer_lines, budget_lines, budget_table,
+};
 pub use frame_record::{Fate, FrameRecord, MissCause, frames_csv};
 pub use frame_ring::{FrameRing, Latency};
 pub use histogram::{CountHistogram, CountSpread, Quantiles, StageHistogram};

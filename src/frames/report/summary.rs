@@ -94,7 +94,7 @@ pub struct RunSummary {
     pub answers: Vec<AnswerRow>,
 }
 
-/// What a star tracker outside answered.
+/// Answers of a star tracker outside.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct AnswerRow {
     /// Its place in the bench.
@@ -127,8 +127,8 @@ pub struct AnswerRow {
     pub late_after_ms: f64,
     /// From the middle of the exposure to the answer.
     pub latency: Quantiles,
-    /// From the end of readout to the answer: the tracker's own part, and that of its line.
-    pub after_readout: Quantiles,
+    /// From the frame, finished, to the answer: the part of the tracker, with its camera's sink and its line.
+    pub since_sent: Quantiles,
     /// Root mean square of the attitudes' distance from those that were drawn: direction of the boresight, arcsec.
     pub error_across_arcsec: Option<f64>,
     /// The same about the boresight, arcsec.
@@ -137,15 +137,16 @@ pub struct AnswerRow {
 
 impl AnswerRow {
     /// Returns it in words.
-    pub(super) fn words(&self) -> String {
-        let Self { answers, frames, late, missing, latency, .. } = self;
+    pub fn words(&self) -> String {
+        let Self { answers, frames, late, missing, latency, since_sent, .. } = self;
         let error = |value: Option<f64>| value.map_or_else(|| "-".into(), |arcsec| format!("{arcsec:.3}"));
         format!(
             "{answers} answers to {frames} frames, {late} late, {missing} missing; after mid-exposure p50 {:.3} ms, \
-             p99 {:.3} ms, longest {:.3} ms; off by {} arcsec rms across, {} about",
+             p99 {:.3} ms, longest {:.3} ms (after the frame p50 {:.3} ms); off by {} arcsec rms across, {} about",
             latency.p50_ms,
             latency.p99_ms,
             latency.max_ms,
+            since_sent.p50_ms,
             error(self.error_across_arcsec),
             error(self.error_about_arcsec)
         )

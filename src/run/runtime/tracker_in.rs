@@ -11,8 +11,9 @@ use crate::runtime::tracker_out::Outlet;
 use base::axes::{COMPUTED_NORM_TOLERANCE, Icrf, Rotation, Sensor};
 use base::time::{Span, Tai};
 use base::units::ARCSEC;
+use crossbeam_channel::{Receiver, Sender, bounded};
 use frames::report::{AnswerRow, StageHistogram};
-use frames::sink::FrameMeta;
+use frames::sink::{NullSink, SentFrame, Sink, SinkError, SinkSummary};
 use glam::{DMat3, DVec3};
 use std::collections::VecDeque;
 use telemetry::{Wire, reading::Measured, reading::Reader};
@@ -21,11 +22,15 @@ use testbed::tracker::{Mode, Outcome, Reason, Solution};
 /// Interval at which lines are looked at.
 pub const LOOK: Span = Span::from_ns(500_000);
 /// A frame without an answer for so long is given up: no estimator takes an older attitude.
-pub const GIVEN_UP: Span = Span::from_ms(2000);
+const GIVEN_UP: Span = Span::from_ms(2000);
 /// An answer may come this much before the news of its frame, which another thread brings.
 const NEWS: Span = Span::from_ms(50);
 /// A time tag may be so far outside its exposure.
 const TAG_SLACK: Span = Span::from_ms(1);
+/// News of frames that wait for the far end.
+const FRAMES: usize = 64;
+/// Events that are kept one by one; those after them are added to the last one of their kind.
+const EVENTS: usize = 4096;
 /// Packets that are read at one look.
 const PACKETS: usize = 64;
 /// Identifiers of CANopen: network management, and a node's heartbeat.
@@ -43,14 +48,12 @@ pub struct TrackerInParams {
     pub protocol: &'static str,
     /// Head whose frames it sees, in the bench.
     pub head: usize,
-    /// Number of that head among those of the run.
-    pub number: usize,
     /// From the middle of an exposure to an answer that is not late.
     pub late_after: Span,
     /// Standard deviations of its attitudes about the sensor's axes, rad.
     pub sigma_rad: DVec3,
-    /// Readout time of the head.
-    pub readout: Span,
+    /// From the end of an exposure to when its frame is due.
+    pub due_after: Span,
     /// CANopen node that is started; `None` with other protocols.
     pub node: Option<u8>,
 }
@@ -60,16 +63,21 @@ pub struct TrackerIn {
     params: TrackerInParams,
     outlet: Outlet,
     reader: Box<dyn Reader>,
+    /// News of frames from the head's sinks.
+    news: (Sender<Shown>, Receiver<Shown>),
     /// Frames that wait for their answers, oldest first.
     frames: VecDeque<Shown>,
+    /// Number of the newest one.
+    newest: Option<u32>,
     /// Answers whose frames are not known yet.
     early: Vec<Measured>,
     latency: StageHistogram,
-    after_readout: StageHistogram,
+    since_sent: StageHistogram,
     /// Sums of squares of the errors about the sensor's axes, rad^2.
     squares: DVec3,
     row: AnswerRow,
-    events: Vec<Event>,
+    /// Late and missing answers, each with how often it happened.
+    events: Vec<(Event, u64)>,
 }
 
 /// A frame that went out.
@@ -78,6 +86,7 @@ struct Shown {
     number: u32,
     mid: Tai,
     half_exposure: Span,
+    sent: Tai,
     drawn: Option<Rotation<Sensor, Icrf>>,
 }
 
@@ -98,16 +107,17 @@ impl TrackerIn {
         let (place, protocol, line) = (params.place.clone(), params.protocol.into(), outlet.name().into());
         let late_after_ms = params.late_after.ms();
         let row = AnswerRow { place, head: params.head, protocol, line, late_after_ms, ..AnswerRow::default() };
-        let (latency, after_readout) = (StageHistogram::default(), StageHistogram::default());
+        let (latency, since_sent) = (StageHistogram::default(), StageHistogram::default());
         let (frames, early, events) = (VecDeque::new(), Vec::new(), Vec::new());
-        let squares = DVec3::ZERO;
-        let mut tracker = Self { params, outlet, reader, frames, early, latency, after_readout, squares, row, events };
+        let (squares, news, newest) = (DVec3::ZERO, bounded(FRAMES), None);
+        let mut tracker =
+            Self { params, outlet, reader, news, frames, newest, early, latency, since_sent, squares, row, events };
         tracker.start_node(start);
         tracker
     }
 
     /// Returns where it is expected, for people.
-    pub fn note(&self) -> String {
+    pub fn words(&self) -> String {
         let AnswerRow { place, protocol, line, head, .. } = &self.row;
         format!("{place}: {protocol} on {line}, answers to head {head}")
     }
@@ -117,15 +127,9 @@ impl TrackerIn {
         self.params.head
     }
 
-    /// Takes note of a frame of a head of the run that went out.
-    pub fn show(&mut self, number: usize, meta: &FrameMeta) {
-        if number != self.params.number {
-            return;
-        }
-        let drawn = Rotation::from_wxyz(meta.attitude_wxyz, COMPUTED_NORM_TOLERANCE);
-        let half_exposure = Span::from_s(0.5 * meta.exposure_s);
-        self.row.frames += 1;
-        self.frames.push_back(Shown { number: meta.number, mid: meta.mid_exposure, half_exposure, drawn });
+    /// Returns what goes beside the sinks of its head and brings news of the frames that they get.
+    pub fn sink(&self) -> Box<dyn Sink> {
+        Box::new(NewsSink { due_after: self.params.due_after, to: self.news.0.clone() })
     }
 
     /// Reads the line, and adds the answers that came.
@@ -143,6 +147,7 @@ impl TrackerIn {
                 self.outlet.keep_client();
             }
         }
+        self.take_news();
         for measured in core::mem::take(&mut self.early) {
             match self.take(&measured) {
                 Some(answer) => answers.push(answer),
@@ -157,7 +162,8 @@ impl TrackerIn {
 
     /// Ends it at `now`: its row, and the events of late and missing answers. A frame that went out so late that its
     /// answer is not due yet is not judged.
-    pub fn finish(mut self, now: Tai) -> (AnswerRow, Vec<Event>) {
+    pub fn finish(mut self, now: Tai) -> (AnswerRow, Vec<(Event, u64)>) {
+        self.take_news();
         while self.frames.front().is_some_and(|frame| now - frame.mid > self.params.late_after) {
             self.give_up(now);
         }
@@ -169,8 +175,20 @@ impl TrackerIn {
         }
         self.row.not_judged = self.frames.len() as u64;
         (self.row.damaged, self.row.of_other_senders) = (self.reader.damaged(), self.outlet.foreign());
-        (self.row.latency, self.row.after_readout) = (self.latency.quantiles(), self.after_readout.quantiles());
+        (self.row.latency, self.row.since_sent) = (self.latency.quantiles(), self.since_sent.quantiles());
         (self.row, self.events)
+    }
+
+    /// Takes the news of frames. One that a fault sends twice is one.
+    fn take_news(&mut self) {
+        for frame in self.news.1.try_iter() {
+            let is_there = self.frames.iter().any(|other| other.number == frame.number);
+            if self.newest != Some(frame.number) && !is_there {
+                self.newest = Some(frame.number);
+                self.row.frames += 1;
+                self.frames.push_back(frame);
+            }
+        }
     }
 
     /// Returns the answer to a frame that waits for one; `None` when no such frame does.
@@ -184,10 +202,10 @@ impl TrackerIn {
         let latency = measured.at - frame.mid;
         self.row.answers += 1;
         self.latency.record(latency);
-        self.after_readout.record(measured.at - (frame.mid + frame.half_exposure + self.params.readout));
+        self.since_sent.record(measured.at - frame.sent);
         if latency > self.params.late_after {
             self.row.late += 1;
-            self.events.push(Event::new(EventKind::AnswerLate, measured.at, Some(frame.number), latency));
+            self.note(EventKind::AnswerLate, measured.at, frame.number, latency);
         }
         let attitude = measured.attitude_wxyz.and_then(|q| Rotation::from_wxyz(q, COMPUTED_NORM_TOLERANCE));
         let outcome = match attitude {
@@ -215,13 +233,47 @@ impl TrackerIn {
     fn give_up(&mut self, now: Tai) {
         let Some(frame) = self.frames.pop_front() else { return };
         self.row.missing += 1;
-        self.events.push(Event::new(EventKind::AnswerMissing, now, Some(frame.number), now - frame.mid));
+        self.note(EventKind::AnswerMissing, now, frame.number, now - frame.mid);
+    }
+
+    fn note(&mut self, kind: EventKind, at: Tai, frame: u32, span: Span) {
+        let is_full = self.events.len() >= EVENTS;
+        match self.events.iter_mut().rev().find(|(event, _)| is_full && event.kind == kind) {
+            Some((_, times)) => *times += 1,
+            None => self.events.push((Event::new(kind, at, Some(frame), span), 1)),
+        }
     }
 
     fn start_node(&mut self, now: Tai) {
         let start = self.params.node.and_then(|node| Wire::can(NMT, &[1, node]));
         // A node that is not there yet says so when it comes.
         start.iter().for_each(|start| drop(self.outlet.send(start, now, None)));
+    }
+}
+
+/// Brings news of the frames that the sinks of a head get; runs on the head's sink thread.
+struct NewsSink {
+    due_after: Span,
+    to: Sender<Shown>,
+}
+
+impl Sink for NewsSink {
+    fn name(&self) -> &'static str {
+        "tracker outside"
+    }
+
+    fn send(&mut self, frame: &SentFrame) -> Result<(), SinkError> {
+        let meta = &frame.meta;
+        let (number, mid, half_exposure) = (meta.number, meta.mid_exposure, Span::from_s(0.5 * meta.exposure_s));
+        let sent = mid + half_exposure + self.due_after + meta.lateness;
+        let drawn = Rotation::from_wxyz(meta.attitude_wxyz, COMPUTED_NORM_TOLERANCE);
+        // The far end takes them every half a millisecond: a full queue means that it has ended.
+        let _ = self.to.try_send(Shown { number, mid, half_exposure, sent, drawn });
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<SinkSummary, SinkError> {
+        NullSink::new().finish()
     }
 }
 
@@ -235,7 +287,8 @@ impl Shown {
 /// Returns whether a packet is the heartbeat of a CANopen node that waits for its start.
 fn waits_for_start(wire: &Wire, node: u8) -> bool {
     let Wire::Can(frame) = wire else { return false };
-    frame.id() == HEARTBEAT + u16::from(node) && frame.data().first().is_some_and(|state| WAITING_STATES.contains(state))
+    frame.id() == HEARTBEAT + u16::from(node)
+        && frame.data().first().is_some_and(|state| WAITING_STATES.contains(state))
 }
 
 #[cfg(test)]
@@ -256,10 +309,9 @@ mod tests {
             place: "tracker_in[0]".into(),
             protocol: "json",
             head: 1,
-            number: 1,
             late_after: LATE,
             sigma_rad: DVec3::new(1e-5, 1e-5, 1e-4),
-            readout: Span::from_ms(20),
+            due_after: Span::from_ms(20),
             node: None,
         };
         let outlet = Outlet::answers("127.0.0.1:0".parse().unwrap(), true).unwrap();
@@ -269,11 +321,12 @@ mod tests {
         (TrackerIn::new(params, outlet, Box::new(JsonReader::new(Sense::Starloop)), at(0)), socket)
     }
 
-    fn show(tracker: &mut TrackerIn, number: u32, mid_ms: i64) {
-        let mut meta = FrameMeta::empty("camera".into());
-        (meta.number, meta.mid_exposure, meta.exposure_s) = (number, at(mid_ms), 0.1);
-        tracker.show(0, &meta);
-        tracker.show(1, &meta);
+    fn show(tracker: &TrackerIn, number: u32, mid_ms: i64) {
+        let mut frame = SentFrame::with_capacity(4, 4, 0, "camera".into());
+        (frame.meta.number, frame.meta.mid_exposure, frame.meta.exposure_s) = (number, at(mid_ms), 0.1);
+        let mut sink = tracker.sink();
+        sink.send(&frame).unwrap();
+        sink.send(&frame).unwrap();
     }
 
     /// Sends a line and returns the answers at `ms`; the kernel passes datagrams on loopback at once.
@@ -287,8 +340,8 @@ mod tests {
     #[test]
     fn answers_find_their_frames_by_number_and_by_time() {
         let (mut tracker, socket) = tracker();
-        show(&mut tracker, 7, 1000);
-        show(&mut tracker, 8, 1100);
+        show(&tracker, 7, 1000);
+        show(&tracker, 8, 1100);
         let by_time = say(&mut tracker, &socket, r#"{"tai_ns": 1130000000, "q_wxyz": [1, 0, 0, 0]}"#, 1250);
         assert_eq!((by_time.len(), by_time[0].frame, by_time[0].head), (1, 8, 1));
         let Outcome::Solved(solution) = by_time[0].outcome else { panic!("an attitude") };
@@ -297,8 +350,8 @@ mod tests {
         assert_eq!((lost[0].frame, lost[0].outcome), (7, Outcome::NoSolution(Reason::NotSaid)));
         let (row, events) = tracker.finish(at(1400));
         assert_eq!((row.frames, row.answers, row.attitudes, row.late, row.missing), (2, 2, 1, 1, 0));
-        assert_eq!(events, [Event::new(EventKind::AnswerLate, at(1350), Some(7), Span::from_ms(350))]);
-        assert!((row.latency.max_ms - 350.0).abs() < 0.5 && (row.after_readout.max_ms - 280.0).abs() < 0.5, "{row:?}");
+        assert_eq!(events, [(Event::new(EventKind::AnswerLate, at(1350), Some(7), Span::from_ms(350)), 1)]);
+        assert!((row.latency.max_ms - 350.0).abs() < 0.5 && (row.since_sent.max_ms - 280.0).abs() < 0.5, "{row:?}");
         assert_eq!(row.error_across_arcsec, Some(0.0));
     }
 
@@ -306,7 +359,7 @@ mod tests {
     fn an_answer_before_its_frame_waits_and_one_of_no_frame_is_counted() {
         let (mut tracker, socket) = tracker();
         assert!(say(&mut tracker, &socket, r#"{"frame": 7, "q_wxyz": [1, 0, 0, 0]}"#, 1080).is_empty());
-        show(&mut tracker, 7, 1000);
+        show(&tracker, 7, 1000);
         let mut answers = Vec::new();
         tracker.listen(at(1082), &mut answers);
         assert_eq!(answers.len(), 1, "control: the frame is known now");
@@ -318,12 +371,25 @@ mod tests {
     #[test]
     fn frames_without_an_answer_are_missing_when_it_was_due() {
         let (mut tracker, _socket) = tracker();
-        [(1, 1000), (2, 3000), (3, 3900)].into_iter().for_each(|(number, ms)| show(&mut tracker, number, ms));
+        [(1, 1000), (2, 3000), (3, 3900)].into_iter().for_each(|(number, ms)| show(&tracker, number, ms));
         tracker.listen(at(3001), &mut Vec::new());
         assert_eq!(tracker.row.missing, 1, "given up while the run goes on");
         let (row, events) = tracker.finish(at(4000));
         assert_eq!((row.missing, row.not_judged), (2, 1));
-        assert!(events.iter().all(|event| event.kind == EventKind::AnswerMissing) && events.len() == 2);
+        assert!(events.iter().all(|(event, _)| event.kind == EventKind::AnswerMissing) && events.len() == 2);
+    }
+
+    #[test]
+    fn a_run_without_answers_keeps_no_more_events_than_it_must() {
+        let (mut tracker, _socket) = tracker();
+        let count = u32::try_from(EVENTS).unwrap() + 10;
+        for number in 0..count {
+            show(&tracker, number, 3000 * i64::from(number));
+            tracker.take_news();
+        }
+        let (row, events) = tracker.finish(at(3000 * i64::from(count)));
+        assert_eq!((row.missing, events.len()), (u64::from(count), EVENTS));
+        assert_eq!(events.iter().map(|(_, times)| times).sum::<u64>(), u64::from(count));
     }
 
     #[test]

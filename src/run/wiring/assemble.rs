@@ -209,7 +209,7 @@ impl Run {
         let cable = Cable::open(&setting)?;
         let waiting = core::mem::take(&mut self.waiting_outs);
         self.outs = TrackerOuts::open(waiting, cable.bus.as_ref(), &self.clock, self.times)?;
-        self.trackers = open_trackers(&self.scenario.bench, &self.heads, cable.bus.as_ref(), &self.clock)?;
+        self.trackers = open_trackers(&self.scenario.bench, &mut self.heads, cable.bus.as_ref(), &self.clock)?;
         self.cable = Some(cable);
         Ok(())
     }
@@ -277,8 +277,9 @@ impl Run {
     pub fn notes(&self) -> Vec<String> {
         let cable = self.cable.as_ref().map(Cable::notes).unwrap_or_default();
         let live = self.taps.live.as_ref().map(LiveTap::notes).unwrap_or_default();
-        let trackers = self.trackers.iter().map(TrackerIn::note);
-        note_lag(self.lag).into_iter().chain(live).chain(cable).chain(self.outs.notes().to_vec()).chain(trackers).collect()
+        let trackers = self.trackers.iter().map(TrackerIn::words);
+        let notes = note_lag(self.lag).into_iter().chain(live).chain(cable);
+        notes.chain(self.outs.notes().to_vec()).chain(trackers).collect()
     }
 }
 

@@ -254,7 +254,6 @@ impl FarSide {
 
     /// Compares a rendered frame with the truth; without a vehicle the truth is unknown.
     pub(super) fn witness_frame(&mut self, head: usize, meta: &FrameMeta) {
-        self.trackers.iter_mut().for_each(|tracker| tracker.show(head, meta));
         let Some(vehicle) = self.vehicle_mut() else { return };
         let truth = vehicle.plant.truth(meta.mid_exposure).ok();
         self.witness.take_frame(head, meta, truth.map(|truth| (truth.body_from_icrf, truth.rate_rad_s.length())));

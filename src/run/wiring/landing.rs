@@ -34,8 +34,9 @@ impl Run {
         let Self { times, heads, receiver, desk, taps, mut cable, hygiene, clock, .. } = self;
         let Landing { outcome, mut far, promise, cut_short, was_over, now, simulated_s, error } = landing;
         let RunOutcome { mut record, ports, summaries, sinks: sink_lines, lost_threads, error: of_loop } = outcome;
-        let (answers, late): (Vec<_>, Vec<_>) = far.take_trackers().into_iter().map(|tracker| tracker.finish(now)).unzip();
-        late.into_iter().flatten().for_each(|event| record.ledger.note(event));
+        let trackers = far.take_trackers().into_iter();
+        let (answers, late): (Vec<_>, Vec<_>) = trackers.map(|tracker| tracker.finish(now)).unzip();
+        late.into_iter().flatten().for_each(|(event, times)| record.ledger.note_many(event, times));
         let of_frames = heads.iter().map(|head| &head.faults).collect();
         let faults = lock(&desk).lines(of_frames, &|number| far.hits_aboard(number));
         let flown = Flown::of(far.vehicle(), &far.witness.assessment, &heads[0].engine.params);

@@ -6,6 +6,7 @@ use crate::runtime::tracker_out::{Outlet, OutletError};
 use crate::wiring::{error::Result, run_clock::RunClock};
 use base::time::Span;
 use config::{AnswerLine, Bench, TrackerIn as Settings, TrackerProtocol};
+use frames::sink::{NullSink, Tee};
 use link::{gateway::GatewayParams, simulated::SimulatedBus, socketcan::Receives};
 use telemetry::reading::Reader;
 use telemetry::{Sense, canopen::CanOpenReader, ccsds::CcsdsReader, json::JsonReader, sagitta::SagittaReader};
@@ -34,7 +35,7 @@ fn line_name(line: &AnswerLine) -> String {
 /// Opens the lines of a bench's trackers outside.
 pub(super) fn open_trackers(
     bench: &Bench,
-    heads: &[Head],
+    heads: &mut [Head],
     bus: Option<&SimulatedBus>,
     clock: &RunClock,
 ) -> Result<Vec<TrackerIn>> {
@@ -42,8 +43,7 @@ pub(super) fn open_trackers(
     let copies = heads.len().checked_div(bench.head_count()).unwrap_or(1);
     let mut trackers = Vec::with_capacity(bench.tracker_ins.len());
     for (place, settings) in bench.tracker_ins.iter().enumerate() {
-        let number = settings.head * copies;
-        let Some(head) = heads.get(number) else { continue };
+        let Some(head) = heads.get_mut(settings.head * copies) else { continue };
         let place = format!("tracker_in[{place}]");
         let node = match settings.protocol {
             TrackerProtocol::CanOpen { node, .. } => Some(node),
@@ -53,17 +53,20 @@ pub(super) fn open_trackers(
             | TrackerProtocol::Ccsds { .. } => None,
         };
         let outlet = outlet(settings, node, bus, clock).map_err(|error| anyhow::anyhow!("{place}: {error}"))?;
+        let engine = &head.engine.params;
         let params = TrackerInParams {
             place,
             protocol: settings.protocol.name(),
             head: settings.head,
-            number,
             late_after: settings.late_after,
             sigma_rad: settings.sigma_rad,
-            readout: Span::from_s(head.engine.params.camera.readout_s),
+            due_after: Span::from_ns(Span::from_s(engine.camera.readout_s).ns() - engine.ahead.ns()),
             node,
         };
-        trackers.push(TrackerIn::new(params, outlet, reader(settings), clock.shared().now()));
+        let tracker = TrackerIn::new(params, outlet, reader(settings), clock.shared().now());
+        let sink = core::mem::replace(&mut head.sink, Box::new(NullSink::new()));
+        head.sink = Box::new(Tee::new(sink, tracker.sink()));
+        trackers.push(tracker);
     }
     Ok(trackers)
 }

@@ -1,5 +1,5 @@
-//! The lines that telemetry goes out on and commands come in on, and those of trackers outside: datagrams, a TCP server, serial ports,
-//! pseudo-terminals, CAN, and a file.
+//! The lines that telemetry goes out on and commands come in on, and those of trackers outside: datagrams, a TCP
+//! server, serial ports, pseudo-terminals, CAN, and a file.
 //!
 //! Nothing waits: what a line does not take at once is lost, and the caller counts it. A file is made when it is opened
 //! and has a line for each packet: UTC, TAI nanoseconds, identifier of a CAN frame or `-`, bytes in hexadecimal.
@@ -112,7 +112,7 @@ struct Answers {
     socket: UdpSocket,
     /// A datagram is a line: its end is added.
     are_lines: bool,
-    /// Who sends, and when it was last heard.
+    /// The sender, and when its last datagram came.
     sender: Option<(SocketAddr, Tai)>,
     looked: Tai,
     /// Datagrams of others.
@@ -123,7 +123,7 @@ impl Answers {
     /// Frees the line of a sender that is silent.
     fn look(&mut self, now: Tai) {
         self.looked = now;
-        self.sender = self.sender.filter(|(_, heard)| now - *heard < SENDER_TIMEOUT);
+        self.sender = self.sender.filter(|(_, last)| now - *last < SENDER_TIMEOUT);
     }
 
     fn receive(&mut self, bytes: &mut [u8]) -> Option<(Wire, Option<SocketAddr>)> {
