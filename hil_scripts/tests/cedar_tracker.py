@@ -88,19 +88,23 @@ def matched(tetra, camera, ideal, timeout_ms, **more):
     )
 
 
-def solve(tetra, image, given):
-    """Returns attitude and stars of one image; nothing where there is none."""
-    places = image.spots()
+def attitude_of(tetra, camera, pixels, timeout_ms, when=None):
+    """Returns the attitude of an image and its number of stars, or None; `when` corrects for the Earth's velocity."""
+    places = spots(pixels)
     if len(places) < 4:
         return None
-    found = matched(tetra, image.camera, image.camera.undistorted(places), given.timeout_ms)
+    found = matched(tetra, camera, camera.undistorted(places), timeout_ms)
     if found["RA"] is None:
         return None
     rows = matrix(found["RA"], found["Dec"], -found["Roll"])
-    if given.aberration:
-        when = datetime.fromisoformat(image.header["T-MID"].replace("Z", "")[:26]).replace(tzinfo=timezone.utc)
-        rows = corrected(rows, earth_velocity(when))
-    return [*(f"{value:.12f}" for value in quaternion(rows)), found["Matches"]]
+    return quaternion(rows if when is None else corrected(rows, earth_velocity(when))), found["Matches"]
+
+
+def solve(tetra, image, given):
+    """Returns attitude and stars of one image; nothing where there is none."""
+    when = datetime.fromisoformat(image.header["T-MID"].replace("Z", "")[:26]).replace(tzinfo=timezone.utc)
+    found = attitude_of(tetra, image.camera, image.pixels, given.timeout_ms, when if given.aberration else None)
+    return found and [*(f"{value:.12f}" for value in found[0]), found[1]]
 
 
 def main():

@@ -34,7 +34,7 @@ impl Finished {
             || !self.end.assessment.verdicts(None, &self.end.record).is_empty();
         is_judged.then(|| {
             let (end, refusals) = (&self.end, self.client.as_ref().map(Client::refusals));
-            ScenarioReport::of(&self.scenario, &end.view(), self.wall_s, refusals).ended(&end.sink_lines, &end.losses)
+            ScenarioReport::of(&self.scenario, &end.view(), self.wall_s, refusals).ended(end)
         })
     }
 

@@ -29,6 +29,7 @@ pub mod sinks;
 pub mod steering;
 pub mod stepped;
 pub mod taps;
+pub mod tracker_ins;
 pub mod tracker_outs;
 pub mod vehicle_parts;
 pub mod verdict;
