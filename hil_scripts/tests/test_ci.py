@@ -15,7 +15,7 @@ import xml.etree.ElementTree as xml
 
 import yaml
 
-from support import PROGRAM, ROOT, InAFolder
+from support import PROGRAM, ROOT, InAFolder, starloop
 
 PAGE = ROOT / "src/guide/ci.md"
 INSTALLS = re.compile(r"\b(apt-get|curl|dpkg|sha256sum)\b")
@@ -52,6 +52,13 @@ def gitlab(text):
 
 
 READERS = {"github": github, "gitlab": gitlab}
+
+
+def cases_of(path):
+    """Returns the cases of a JUnit file that were judged: what failed, by group and name."""
+    suite = xml.parse(path).getroot().find("testsuite")
+    judged = [case for case in suite.findall("testcase") if case.find("skipped") is None]
+    return {(case.get("classname"), case.get("name")): case.find("failure") is not None for case in judged}
 
 
 def without_install(scripts):
@@ -132,9 +139,7 @@ class Jobs(InAFolder):
 
     def cases(self):
         """Returns the cases of the JUnit file that were judged: what failed, by name."""
-        suite = xml.parse(self.folder / "out/run.xml").getroot().find("testsuite")
-        judged = [case for case in suite.findall("testcase") if case.find("skipped") is None]
-        return {case.get("name"): case.find("failure") is not None for case in judged}
+        return {name: failed for (_, name), failed in cases_of(self.folder / "out/run.xml").items()}
 
     def test_each_job_passes_and_keeps_what_it_names(self):
         for name in READERS:
@@ -176,6 +181,37 @@ class Jobs(InAFolder):
         with self.assertRaises(AssertionError):
             without_install(["dpkg -i a.deb", "starloop check ci.toml"])
         self.assertEqual(without_install(["dpkg -i a.deb", "starloop run ci.toml"]), ["starloop run ci.toml"], "control")
+
+
+class OtherCommands(InAFolder):
+    def test_a_replay_has_cases_for_each_head_and_another_crc_is_a_failure(self):
+        captured, file = self.folder / "captured", self.folder / "replay.xml"
+        starloop("run", "--clock", "virtual", "--duration", "1", "--sink", "null", "--capture", captured, status=0)
+        starloop("replay", captured, "--junit", file, status=0)
+        bits, whole = ("head 0", "frames are bit-identical"), ("head 0", "every frame is compared")
+        self.assertEqual(cases_of(file), {bits: False, whole: False})
+        table = captured / "frames.csv"
+        crc = table.read_text().splitlines()[3].split(",")[6]
+        table.write_text(table.read_text().replace(crc, crc[:-1] + ("1" if crc[-1] == "0" else "0")))
+        starloop("replay", captured, "--junit", file, status=4)
+        self.assertEqual(cases_of(file), {bits: True, whole: False}, "control")
+
+    def test_a_campaign_has_cases_for_each_episode_and_a_broken_invariant_is_a_failure(self):
+        text = (ROOT / "configs/scenarios/campaign.toml").read_text().replace('"../', f'"{ROOT}/configs/')
+        text = text.replace("duration_s = 3600.0", "duration_s = 1400.0")
+        for arcsec, is_broken in [("300.0", False), ("1e-4", True)]:
+            file = self.folder / "campaign.xml"
+            scenario = self.written("episodes.toml", text.replace("recovered_arcsec = 300.0", f"recovered_arcsec = {arcsec}"))
+            words = ["campaign", scenario, "--hours", "0.7", "--seed", "7", "--junit", file]
+            starloop(*words, status=4 if is_broken else 0)
+            cases = cases_of(file)
+            self.assertEqual({seed for seed, _ in cases}, {"seed 7", "seed 8"})
+            self.assertEqual(cases["seed 7", "invariant: on target at the end"], is_broken)
+            self.assertFalse(cases["seed 7", "invariant: each scheduled frame is delivered or dropped"])
+
+    def test_a_file_that_cannot_be_written_is_known_before_a_campaign_flies(self):
+        said = starloop("campaign", "--hours", "1000", "--junit", self.folder / "nowhere" / "a.xml", status=1)
+        self.assertIn("--junit", said.stderr)
 
 
 if __name__ == "__main__":
