@@ -24,6 +24,7 @@ pub mod export;
 pub mod fly;
 mod frame_plan;
 pub mod help;
+mod junit;
 pub mod keys;
 mod lines;
 pub mod link_check;

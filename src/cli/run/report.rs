@@ -5,6 +5,7 @@ use config::Scenario;
 use frames::report::{AnswerRow, FrameAccount, FrameCounts, Losses, Machine, RunVerdict, RunWord, SinkLine};
 use run::runtime::note_lost_reader;
 use run::wiring::assessment::{ModeLine, Verdict, WindowErrors};
+use run::wiring::invariants::{Invariant, InvariantLine};
 use run::wiring::run_end::{LoopView, RunEnd};
 use run::wiring::{control::ControlRefusals, faults::FaultLine};
 use serde::Serialize;
@@ -81,6 +82,8 @@ pub struct ScenarioReport {
     pub violations: u64,
     /// The first of them, in words.
     pub violation_lines: Vec<String>,
+    /// Each invariant with its checks.
+    pub invariants: Vec<InvariantLine>,
     /// The verdict is `ok`.
     pub passed: bool,
     /// Counters of each sink; empty before the end.
@@ -145,6 +148,7 @@ impl ScenarioReport {
             verdicts,
             violations,
             violation_lines: lines.to_vec(),
+            invariants: assessment.invariants.results(&Invariant::OF_RUN),
             sinks: Vec::new(),
             losses,
             answers: Vec::new(),

@@ -16,6 +16,7 @@ pub mod fault_schedule;
 pub mod faults;
 pub mod forty_two;
 pub mod heads;
+pub mod invariants;
 mod landing;
 pub mod memory;
 pub mod ports;
