@@ -12,8 +12,7 @@
 #
 # Needs dpkg-deb, readelf, strip, cargo and Python 3.11. The same sources and program give the same bytes.
 #
-#   STARLOOP_BINARY      a program that is built already, with the library for FMI units and the Python module beside it:
-#                        nothing is built then
+#   STARLOOP_BINARY      a program that is built already, with the Python module beside it: nothing is built then
 #   SOURCE_DATE_EPOCH    time of the files, seconds since 1970 (default: that of the last commit)
 set -euo pipefail
 cd "$(dirname "$0")/../.."
@@ -37,9 +36,9 @@ readonly out
 [[ -n ${STARLOOP_BINARY:-} ]] || cargo build --locked --workspace --all-features --release --lib --bins
 readonly binary="${STARLOOP_BINARY:-${CARGO_TARGET_DIR:-target}/release/starloop}"
 folder=$(dirname "$binary")
-readonly folder library="$folder/libstarloop_fmu_library.so"
+readonly folder
 readonly parts=hil_scripts/packaging
-for file in "$binary" "$library" "$folder/lib_native.so"; do
+for file in "$binary" "$folder/lib_native.so"; do
     [[ -f $file ]] || {
         echo "package.sh: $file is missing: without STARLOOP_BINARY, package.sh builds it" >&2
         exit 1
@@ -65,8 +64,6 @@ put() { install -D -m "$1" "$2" "$3"; }
 put_programs() {
     put 755 "$binary" "$tree/bin/starloop"
     strip "$tree/bin/starloop"
-    put 644 "$library" "$tree/lib/starloop/libstarloop_fmu_library.so"
-    strip --strip-unneeded "$tree/lib/starloop/libstarloop_fmu_library.so"
 }
 
 put_shared_files() {
@@ -110,7 +107,7 @@ put_documents() {
 
 # The newest version of glibc that a symbol of the program asks for.
 glibc() {
-    find "$tree/bin" "$tree/lib" -type f -exec readelf --dyn-syms --wide {} + |
+    find "$tree/bin" -type f -exec readelf --dyn-syms --wide {} + |
         grep -o 'GLIBC_[0-9][0-9.]*' | sed 's/GLIBC_//' | sort -Vu | tail -1
 }
 

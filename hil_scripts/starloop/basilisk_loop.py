@@ -241,6 +241,7 @@ def fly(binary: str, duration_s: float = 60.0, *, sense: int = 1, say=lambda lin
 
 
 def main() -> int:
+    """Flies the loop and prints its errors; the exit status."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--binary", default=os.environ.get("STARLOOP_BINARY", str(ROOT / "target/release/starloop")))
     parser.add_argument("--duration", type=float, default=60.0, help="seconds of simulated time")

@@ -37,10 +37,12 @@ def fd_s(length, is_extended, bit_rate, data_bit_rate):
 
 
 def quantile(sorted_values, share):
+    """The value below which this share of sorted values lies."""
     return sorted_values[min(len(sorted_values) - 1, int(share * len(sorted_values)))]
 
 
 def main():
+    """Listens to a bus and prints its load and its messages."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add_can_arguments(parser)
     parser.add_argument("--bit-rate", type=float, default=500e3)

@@ -314,6 +314,7 @@ class Progress:
         self.drawn_at = self.began
 
     def add(self, row: dict) -> None:
+        """Counts a row that is finished, and shows the progress now and then."""
         self.done += 1
         self.no_report += not row["has_report"]
         self.not_held += row["has_report"] and not row["passed"]
@@ -323,6 +324,7 @@ class Progress:
             print(self.line(now), end="\r" if self.is_terminal else "\n", file=sys.stderr, flush=True)
 
     def line(self, now: float) -> str:
+        """How far it is, in words."""
         rate = self.done / max(now - self.began, 1e-3)
         left_s = (self.total - self.there - self.done) / max(rate, 1e-9)
         reported = f"{self.there + self.done}/{self.total} tasks ({self.there} were there), {self.not_held} did not hold, "
@@ -460,6 +462,7 @@ def plot(rows: list[dict], grid: dict[str, list[str]], path: Path, title: str) -
 
 
 def parse_arguments() -> argparse.Namespace:
+    """The arguments of the command line."""
     parser = argparse.ArgumentParser(
         description=__doc__.split("\n\n")[0], formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -538,6 +541,7 @@ def exit_status(rows: list[dict], found: dict | None, has_requirements: bool) ->
 
 
 def main() -> int:
+    """Flies the campaign; the exit status."""
     given = parse_arguments()
     try:
         requirements = campaign_report.read_requirements(given.requirements)

@@ -15,6 +15,9 @@ STYLE = (
     "border-bottom:1px solid #e3e3e3;vertical-align:top}td.n{text-align:right;font-variant-numeric:tabular-nums;"
     "white-space:nowrap}th{background:#f3f3f3}tr.bad td{background:#fff1ea}code{font-size:.92em;word-break:break-all}"
     "svg{max-width:100%;height:auto;margin:.6em .6em .6em 0}p.small{color:#555;font-size:.86em}"
+    "@media print{@page{margin:14mm}body{max-width:none;margin:0;padding:0;font-size:11px}table{width:100%}"
+    "th,td{padding:.15em .4em;overflow-wrap:break-word}thead{display:table-header-group}"
+    "tr,svg{break-inside:avoid}h1{print-color-adjust:exact;-webkit-print-color-adjust:exact}h2{break-after:avoid}}"
 )
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 430, 230, 44, 14, 24, 34
 CLASSES = {"passed": "met", "not_shown": "not_shown", "failed": "broken"}
@@ -79,6 +82,7 @@ def percent(share: dict) -> str:
 
 
 def requirements(report: dict) -> str:
+    """The section of the requirements."""
     rows, bad = [], []
     for judgement in report["requirements"]:
         where = ", ".join(f"{key} = {value}" for key, value in judgement["where"].items())
@@ -89,6 +93,7 @@ def requirements(report: dict) -> str:
 
 
 def held(report: dict) -> str:
+    """The section of the runs that held, by value of the grid."""
     rows = [["all", right(str(report["runs"])), percent(report["held"])]]
     for key, values in report["held_by_value"].items():
         rows += [[escape(f"{key} = {value}"), right(str(share["count"])), percent(share)] for value, share in values.items()]
@@ -106,6 +111,7 @@ NUMBERS = ["runs", "mean", "deviation", "median", f"{100 * TAIL:g} % quantile", 
 
 
 def distributions(report: dict) -> str:
+    """The section of each metric over all runs."""
     rows = [[escape(metric["id"]), *cells(metric)] for metric in report["metrics"]]
     return "<h2>Metrics over all runs</h2>" + table(["metric", *NUMBERS], rows)
 
@@ -140,6 +146,7 @@ def worst(report: dict) -> str:
 
 
 def provenance(of: dict) -> str:
+    """The section that says what flew where."""
     program = of["program"]
     rows = [
         ["command line", f"<code>{escape(' '.join(of['command_line']))}</code>"],

@@ -62,6 +62,7 @@ class Requirement:
 
     @property
     def limit(self) -> str:
+        """The limit in words."""
         return f"at most {self.most:g}" if self.most is not None else f"at least {self.least:g}"
 
     def is_met_by(self, value: float | None) -> bool:
@@ -94,6 +95,7 @@ def read_requirements(path: Path | None) -> list[Requirement]:
 
 
 def requirement_of(path: Path, entry: dict) -> Requirement:
+    """A requirement of an entry of the file; refuses unknown and missing keys."""
     known = Requirement.__dataclass_fields__
     place = f'{path}: requirement "{entry.get("id", "")}"'
     unknown = sorted(set(entry) - set(known))
@@ -194,6 +196,7 @@ def metrics_of(rows: list[dict]) -> list[str]:
 
 
 def values_of(rows: list[dict], metric: str) -> list[float]:
+    """The values of a metric in the rows that have one."""
     return [value for row in rows if (value := value_of(row, metric)) is not None]
 
 

@@ -120,6 +120,7 @@ def compare(one, other, with_cases=False):
 
 
 def said(m):
+    """A metric with its interval, in words."""
     high = "unbounded" if m["high"] is None else format(m["high"], ".4f")
     return f"{m['value']:.4f} ({m['low']:.4f} .. {high})"
 
@@ -142,6 +143,7 @@ def show(found, out=sys.stdout):
 
 
 def main():
+    """Compares two reports and prints what differs."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("one", type=Path)
     parser.add_argument("other", type=Path)

@@ -54,6 +54,7 @@ def draw(binary: str, spec: str, count: int, out: str, images: str | None, shard
 
 
 def main() -> int:
+    """Draws the shards on the workers; the exit status."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("spec", type=Path, help="description of the data set (TOML)")
     parser.add_argument("--count", type=int, required=True, help="number of items")

@@ -12,18 +12,23 @@ its own attitude at the exposure time that EXPOSURE gives. Exit status: 0 when e
 one is not or too few came, 1 when the stimulator cannot be reached or refuses a command (a trigger that no fault or event
 of the run waits for, for example).
 """
-# mypy: ignore-errors
+from __future__ import annotations
 
 import argparse
 import math
 import sys
 import time
 from pathlib import Path
+from typing import Any, Dict, List, Optional, Sequence, Tuple, Union
 
 if not __package__:  # called by its path
     sys.path[0] = str(Path(__file__).resolve().parents[1])
 
-from starloop.wire import SerialTransport, add_can_arguments, can_transport
+from starloop.wire import CanTransport, SerialTransport, add_can_arguments, can_transport
+
+Vector = Tuple[float, float, float]
+Quaternion = Tuple[float, float, float, float]
+Rows = Tuple[Vector, Vector, Vector]
 
 ARCSEC = math.radians(1 / 3600)
 US = 1_000_000
@@ -33,7 +38,8 @@ RETRY_S = 0.5
 # --- attitude: Hamilton quaternions, scalar first, passive: v_body = q v_icrf conj(q) ---
 
 
-def product(a, b):
+def product(a: Quaternion, b: Quaternion) -> Quaternion:
+    """The Hamilton product of two quaternions."""
     (aw, ax, ay, az), (bw, bx, by, bz) = a, b
     return (
         aw * bw - ax * bx - ay * by - az * bz,
@@ -43,7 +49,7 @@ def product(a, b):
     )
 
 
-def matrix(q):
+def matrix(q: Quaternion) -> Rows:
     """Rows: the body's axes in ICRF."""
     w, x, y, z = q
     return (
@@ -53,7 +59,7 @@ def matrix(q):
     )
 
 
-def matrix_quaternion(rows):
+def matrix_quaternion(rows: Rows) -> Quaternion:
     """The quaternion of such rows, from whichever component is largest."""
     (a, b, c), (d, e, f), (g, h, i) = rows
     candidates = [
@@ -64,16 +70,17 @@ def matrix_quaternion(rows):
     ]
     _, q = max(candidates)
     norm = math.sqrt(sum(part * part for part in q))
-    return tuple(part / norm for part in q)
+    w, x, y, z = (part / norm for part in q)
+    return w, x, y, z
 
 
-def pointed(ra, dec, roll):
+def pointed(ra: float, dec: float, roll: float) -> Quaternion:
     """Body +Z at (ra, dec); -Y (image up) at position angle `roll`, east of north."""
     direction = (math.cos(dec) * math.cos(ra), math.cos(dec) * math.sin(ra), math.sin(dec))
     north = (-math.sin(dec) * math.cos(ra), -math.sin(dec) * math.sin(ra), math.cos(dec))
     east = (-math.sin(ra), math.cos(ra), 0.0)
     up = tuple(math.cos(roll) * n + math.sin(roll) * e for n, e in zip(north, east))
-    y = tuple(-u for u in up)
+    y = (-up[0], -up[1], -up[2])
     x = (
         y[1] * direction[2] - y[2] * direction[1],
         y[2] * direction[0] - y[0] * direction[2],
@@ -82,37 +89,42 @@ def pointed(ra, dec, roll):
     return matrix_quaternion((x, y, direction))
 
 
-def pointing(q):
+def pointing(q: Quaternion) -> Vector:
     """Right ascension, declination and roll of an attitude, rad."""
     _, y, z = matrix(q)
     ra, dec = math.atan2(z[1], z[0]), math.asin(max(-1.0, min(1.0, z[2])))
     north = (-math.sin(dec) * math.cos(ra), -math.sin(dec) * math.sin(ra), math.cos(dec))
     east = (-math.sin(ra), math.cos(ra), 0.0)
     up = tuple(-c for c in y)
-    dot = lambda a, b: sum(p * r for p, r in zip(a, b))
-    return ra, dec, math.atan2(dot(up, east), dot(up, north))
+    return ra, dec, math.atan2(sum(a * b for a, b in zip(up, east)), sum(a * b for a, b in zip(up, north)))
+
+
+def wrapped_arcsec(angle: float) -> float:
+    """The size of an angle, at most half a turn."""
+    return abs(math.atan2(math.sin(angle), math.cos(angle))) / ARCSEC
 
 
 class Slew:
     """From rest to rest about one body axis; the rate is (1 - cos) / 2 of time."""
 
-    def __init__(self, initial, axis, angle, start_s, duration_s):
+    def __init__(self, initial: Quaternion, axis: Vector, angle: float, start_s: float, duration_s: float):
         norm = math.sqrt(sum(c * c for c in axis))
-        self.initial, self.axis = initial, tuple(c / norm for c in axis)
+        self.initial, self.axis = initial, (axis[0] / norm, axis[1] / norm, axis[2] / norm)
         self.angle, self.start_s, self.duration_s = angle, start_s, duration_s
 
-    def at(self, t_s):
+    def at(self, t_s: float) -> Tuple[Quaternion, Vector, Vector]:
         """Attitude, rate and acceleration (rad/s, rad/s^2, body axes) at `t_s` of the flight computer's clock."""
         u = min(max((t_s - self.start_s) / self.duration_s, 0.0), 1.0)
         turned = self.angle * (u - math.sin(2 * math.pi * u) / (2 * math.pi))
         rate = self.angle / self.duration_s * (1 - math.cos(2 * math.pi * u))
         acceleration = self.angle / self.duration_s**2 * 2 * math.pi * math.sin(2 * math.pi * u)
         # Body axes that turn by +w see the attitude multiplied by exp(-w t / 2) from the left.
-        turn = (math.cos(turned / 2), *(-math.sin(turned / 2) * c for c in self.axis))
+        x, y, z = self.axis
+        half = -math.sin(turned / 2)
         return (
-            product(turn, self.initial),
-            tuple(rate * c for c in self.axis),
-            tuple(acceleration * c for c in self.axis),
+            product((math.cos(turned / 2), half * x, half * y, half * z), self.initial),
+            (rate * x, rate * y, rate * z),
+            (acceleration * x, acceleration * y, acceleration * z),
         )
 
 
@@ -129,28 +141,33 @@ CAMERA_PAGES = {0: ("StartedBy", "ExposureTime"), 1: ("Gain", "BlackLevel"), 2: 
 
 
 class Refused(Exception):
-    pass
+    """The stimulator refused a command; the text has the reason."""
 
 
 class FlightComputer:
     """Sends what is due, and remembers what comes back."""
 
-    def __init__(self, transport, slew, attitude_hz):
+    def __init__(self, transport: Union[CanTransport, SerialTransport], slew: Slew, attitude_hz: float):
         self.transport, self.slew, self.attitude_hz = transport, slew, attitude_hz
         self.boot_ns = time.monotonic_ns()
         self.due_s = {"sync": 0.0, "attitude": 0.0, "heartbeat": 0.0}
         self.counter = self.sequence = self.token = 0
-        self.frames, self.exposures, self.answers = {}, {}, {}
-        self.clock_page, self.mode = None, None
+        self.frames: Dict[int, Dict[str, Any]] = {}
+        self.exposures: Dict[int, Tuple[int, int]] = {}
+        self.answers: Dict[int, Dict[str, Any]] = {}
+        self.clock_page: Optional[Dict[str, Any]] = None
+        self.mode: Optional[int] = None
         # Values of CAMERA_STATUS of each frame, by the whole number of the frame that the sender keeps modulo 256.
-        self.camera_frames, self.camera_frame = {}, None
+        self.camera_frames: Dict[int, Dict[str, Any]] = {}
+        self.camera_frame: Optional[int] = None
         # A frame drawn from an older attitude is a prediction, and says so: it is counted, not compared.
         self.oldest_us, self.predicted_far = 100_000, 0
 
-    def now_s(self):
+    def now_s(self) -> float:
+        """This computer's clock, s."""
         return (time.monotonic_ns() - self.boot_ns) * 1e-9
 
-    def fly(self, until_s):
+    def fly(self, until_s: float) -> None:
         """Does what is due, and listens in between, until `until_s`."""
         while (now_s := self.now_s()) < until_s:
             if now_s >= self.due_s["sync"]:
@@ -167,7 +184,7 @@ class FlightComputer:
             if received := self.transport.receive(max(wait_s, 0.0)):
                 self.take_in(*received)
 
-    def mark_time(self):
+    def mark_time(self) -> None:
         """SYNC, and when it left. Without a report from the controller that is known as "not before it was handed over": a
         time that is early by a delay, as every mark's is, and never late, which the estimate of the clock could not bear."""
         before_ns = time.monotonic_ns()
@@ -178,10 +195,10 @@ class FlightComputer:
         self.transport.send("TIME_FUP", mark)
         self.counter = (self.counter + 1) & 0xFF
 
-    def send_attitude(self):
+    def send_attitude(self) -> None:
+        """Sends the attitude of this instant, with rate and acceleration."""
         t_us = (time.monotonic_ns() - self.boot_ns) // 1000
         q, rate, acceleration = self.slew.at(t_us / US)
-        xyz = lambda name, v: dict(zip((name + "X", name + "Y", name + "Z"), v))
         self.transport.send(
             "ATT_FD",
             {
@@ -190,13 +207,14 @@ class FlightComputer:
                 "RateValid": 1,
                 "AccelerationValid": 1,
                 **dict(zip(("Qw", "Qx", "Qy", "Qz"), q)),
-                **xyz("Rate", rate),
-                **xyz("Acceleration", acceleration),
+                **dict(zip(("RateX", "RateY", "RateZ"), rate)),
+                **dict(zip(("AccelerationX", "AccelerationY", "AccelerationZ"), acceleration)),
             },
         )
         self.sequence = (self.sequence + 1) & 0xFF
 
-    def take_in(self, name, fields):
+    def take_in(self, name: str, fields: Dict[str, Any]) -> None:
+        """Keeps what a message of the stimulator says."""
         if name == "RSP":
             self.answers[fields["Token"]] = fields
         elif name == "EXPOSURE":
@@ -208,7 +226,7 @@ class FlightComputer:
         elif name == "CAMERA_STATUS" and fields["Head"] == 0:
             self.receive_camera(fields)
 
-    def receive_camera(self, fields):
+    def receive_camera(self, fields: Dict[str, Any]) -> None:
         """Collects the pages of a frame of the first head."""
         if fields["Page"] not in CAMERA_PAGES:
             return
@@ -217,7 +235,8 @@ class FlightComputer:
         reported = self.camera_frames.setdefault(self.camera_frame, {})
         reported.update({name: fields[name] for name in CAMERA_PAGES[fields["Page"]]})
 
-    def receive_status(self, fields):
+    def receive_status(self, fields: Dict[str, Any]) -> None:
+        """Keeps a page of STATUS: pointing of a frame, mode, clock."""
         for page, angle in ((4, "RightAscension"), (5, "Declination"), (6, "Roll")):
             if fields["Page"] == page and fields[angle + "Frame"] in self.exposures:
                 place, _ = self.exposures[fields[angle + "Frame"]]
@@ -229,7 +248,7 @@ class FlightComputer:
         elif fields["Page"] == 2:
             self.clock_page = fields
 
-    def ask(self, what, **arguments):
+    def ask(self, what: str, **arguments: Any) -> Dict[str, Any]:
         """One command, said again with the same token until it is answered."""
         self.token = self.token % 255 + 1
         opcode = {"HELLO": 1, "INFO": 2, "RUN": 3, "STOP": 4, "TRIGGER": 6, "CAMERA": 7, "CAMERA_TRIGGER": 8}[what]
@@ -244,13 +263,14 @@ class FlightComputer:
                     return answer
         raise TimeoutError(f"no answer to {what} within {10 * RETRY_S:.0f} s")
 
-    def shake_hands(self):
+    def shake_hands(self) -> Tuple[Dict[str, Any], Dict[str, Any]]:
+        """HELLO, INFO and RUN; the answers to the first two."""
         hello = self.ask("HELLO", Major=1, Minor=4)
         info = self.ask("INFO", InfoPage=0)
         self.ask("RUN")
         return hello, info
 
-    def fire(self, number, at_s=None):
+    def fire(self, number: int, at_s: Optional[float] = None) -> Dict[str, Any]:
         """Fires a trigger, to act at `at_s` of this computer's clock or at once; the answer."""
         if at_s is not None and abs(at_s - self.now_s()) > 3600:
             raise ValueError(f"the trigger is to act at {at_s:.1f} s; wanted within an hour of now: time tags wrap")
@@ -258,13 +278,14 @@ class FlightComputer:
         at_us = 0 if at_s is None else max(1, int(at_s * US) % 2**32)
         return self.ask("TRIGGER", TriggerNumber=number, TriggerTime=at_us)
 
-    def set_camera(self, kind, value, head=0):
+    def set_camera(self, kind: str, value: int, head: int = 0) -> Dict[str, Any]:
         """Sets something of a camera head from its next exposure on; the answer."""
         return self.ask("CAMERA", CameraKind=CAMERA_KINDS[kind], CameraHead=head, CameraValue=value)
 
-    def errors_arcsec(self):
+    def errors_arcsec(self) -> List[Tuple[float, float]]:
         """(mid-exposure s, largest of the three angles' errors) of each frame that showed the attitude."""
-        found, self.predicted_far = [], 0
+        found: List[Tuple[float, float]] = []
+        self.predicted_far = 0
         for frame in self.frames.values():
             if frame.get("mode") != 1 or not {"RightAscension", "Declination", "Roll"} <= frame.keys():
                 continue
@@ -273,21 +294,21 @@ class FlightComputer:
                 continue
             t_s = self.unwrapped_s(frame["mid_us"])
             ra, dec, roll = pointing(self.slew.at(t_s)[0])
-            wrapped = lambda a: abs(math.atan2(math.sin(a), math.cos(a))) / ARCSEC
             off = (
-                wrapped((frame["RightAscension"] - ra)) * math.cos(dec),
-                wrapped(frame["Declination"] - dec),
-                wrapped(frame["Roll"] - roll),
+                wrapped_arcsec(frame["RightAscension"] - ra) * math.cos(dec),
+                wrapped_arcsec(frame["Declination"] - dec),
+                wrapped_arcsec(frame["Roll"] - roll),
             )
             found.append((t_s, max(off)))
         return found
 
-    def unwrapped_s(self, t_us):
+    def unwrapped_s(self, t_us: int) -> float:
+        """A time tag of 32 bits as this computer's time, s."""
         now_us = (time.monotonic_ns() - self.boot_ns) // 1000
         return (now_us - (now_us - t_us) % 2**32) / US
 
 
-def trigger(text):
+def trigger(text: str) -> Tuple[int, Optional[float]]:
     """`7` or `7@2.5`: a number, and seconds after the turn began."""
     number, _, at_s = text.partition("@")
     if not number.isascii() or not number.isdigit() or int(number) > 65535:
@@ -298,7 +319,7 @@ def trigger(text):
         raise argparse.ArgumentTypeError(f"the time is {at_s!r}; wanted seconds") from None
 
 
-def camera(text):
+def camera(text: str) -> Tuple[str, int, Optional[float]]:
     """`exposure=20000` or `gain=600@2.5`: kind and value of CAMERA, and seconds after the turn began."""
     setting, _, at_s = text.partition("@")
     kind, _, value = setting.partition("=")
@@ -312,7 +333,9 @@ def camera(text):
         raise argparse.ArgumentTypeError(f"the time is {at_s!r}; wanted seconds") from None
 
 
-def command_cameras(computer, wanted, start_s):
+def command_cameras(
+    computer: FlightComputer, wanted: Sequence[Tuple[str, int, Optional[float]]], start_s: float
+) -> None:
     """Gives the commands of --camera, each at its time, and prints the answers."""
     for kind, value, after_s in sorted(wanted, key=lambda one: -math.inf if one[2] is None else one[2]):
         if after_s is not None:
@@ -321,14 +344,15 @@ def command_cameras(computer, wanted, start_s):
         print(f"camera {kind}={value} was taken")
 
 
-def print_camera_frames(computer):
+def print_camera_frames(computer: FlightComputer) -> None:
     """Prints a line for each frame whose pages of CAMERA_STATUS are complete."""
     for number, reported in sorted(computer.camera_frames.items()):
         if len(reported) == sum(map(len, CAMERA_PAGES.values())):
             print(f"camera frame {number}: " + " ".join(f"{name}={value:.10g}" for name, value in sorted(reported.items())))
 
 
-def arguments():
+def arguments() -> argparse.Namespace:
+    """The arguments of the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add_can_arguments(parser)
     parser.add_argument("--serial", metavar="PORT", help="a serial port instead of CAN")
@@ -354,13 +378,15 @@ def arguments():
     return parsed
 
 
-def main():
+def main() -> None:
+    """Flies a turn and compares the echo; ends with the exit status."""
     given = arguments()
+    transport: Union[CanTransport, SerialTransport]
     try:
         transport = SerialTransport(given.serial, given.baud) if given.serial else can_transport(given)
     except Exception as error:  # each interface of python-can has errors of its own
         sys.exit(f"flight_computer: cannot connect: {error}")
-    initial = pointed(*map(math.radians, (given.ra_deg, given.dec_deg, given.roll_deg)))
+    initial = pointed(math.radians(given.ra_deg), math.radians(given.dec_deg), math.radians(given.roll_deg))
     # The axis leans against all three pointing angles.
     slew = Slew(initial, (0.3, 1.0, 0.2), math.radians(given.slew_deg), math.inf, given.slew_s)
     computer = FlightComputer(transport, slew, given.attitude_hz)

@@ -17,14 +17,14 @@ line per frame. As a module:
 Needs the package `iceoryx2`. A reader that is slow misses frames, `missed` counts them, and nothing that a reader does
 holds up the run.
 """
-# mypy: ignore-errors
+from __future__ import annotations
 
 import ctypes
 import sys
 import time
-from collections import namedtuple
+from typing import Any, Iterator, NamedTuple, Optional
 
-import iceoryx2 as iox2
+import iceoryx2 as iox2  # type: ignore[import-untyped]
 
 
 # After so long without a frame it is seen whether the run still lives.
@@ -57,39 +57,43 @@ class FrameHead(ctypes.Structure):
     ]
 
     @staticmethod
-    def type_name():
+    def type_name() -> str:
         """The name by which both ends know the type."""
         return "StarloopFrameHead"
 
 
-IceoryxFrame = namedtuple("IceoryxFrame", "head pixels")
+class IceoryxFrame(NamedTuple):
+    """A frame: its head, and its pixels as 16-bit words, row by row."""
+
+    head: FrameHead
+    pixels: bytes
 
 
 class IceoryxFrames:
     """The reading end of a service."""
 
-    def __init__(self, service):
-        self.node = iox2.NodeBuilder.new().create(iox2.ServiceType.Ipc)
+    def __init__(self, service: str):
+        self.node: Any = iox2.NodeBuilder.new().create(iox2.ServiceType.Ipc)
         builder = self.node.service_builder(iox2.ServiceName.new(service))
         builder = builder.publish_subscribe(iox2.Slice[ctypes.c_uint16]).user_header(FrameHead)
-        self.service = builder.open()
-        self.subscriber = self.service.subscriber_builder().create()
-        self.last = None
+        self.service: Any = builder.open()
+        self.subscriber: Any = self.service.subscriber_builder().create()
+        self.last: Optional[int] = None
         self.missed = 0
 
-    def __enter__(self):
+    def __enter__(self) -> IceoryxFrames:
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_: Any) -> None:
         self.subscriber.delete()
         del self.subscriber, self.service, self.node
 
     @property
-    def is_over(self):
+    def is_over(self) -> bool:
         """Returns True when the last publisher is gone."""
-        return self.service.dynamic_config.number_of_publishers == 0
+        return bool(self.service.dynamic_config.number_of_publishers == 0)
 
-    def take(self):
+    def take(self) -> Optional[IceoryxFrame]:
         """The oldest frame that waits; None when none does."""
         sample = self.subscriber.receive()
         if sample is None:
@@ -104,7 +108,7 @@ class IceoryxFrames:
         self.last = head.serial
         return IceoryxFrame(head, pixels)
 
-    def frames(self, poll_s=0.002):
+    def frames(self, poll_s: float = 0.002) -> Iterator[IceoryxFrame]:
         """Yields frames as they come, until the last publisher is gone."""
         begun = got = time.monotonic()
         is_received = False
@@ -126,7 +130,8 @@ class IceoryxFrames:
             time.sleep(poll_s)
 
 
-def main():
+def main() -> None:
+    """Prints a line for each frame."""
     if len(sys.argv) != 2:
         sys.exit("iceoryx_frames.py: wanted the name of the service, such as starloop/frames")
     with IceoryxFrames(sys.argv[1]) as reader:

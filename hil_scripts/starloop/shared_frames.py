@@ -16,14 +16,15 @@ and `python3 hil_scripts/starloop/shared_frames.py /dev/shm/starloop` prints a l
 Needs the standard library only. The file is a ring: a reader that is slow misses frames, `missed` counts them, and
 nothing that a reader does holds up the run. Every frame that comes out is whole, which its CRC-32 proves.
 """
-# mypy: ignore-errors
+from __future__ import annotations
 
 import mmap
+import os
 import struct
 import sys
 import time
 import zlib
-from collections import namedtuple
+from typing import Any, Dict, Iterator, NamedTuple, Optional, Union
 
 # Native byte order: the file never leaves the machine. firmware_protocol/FRAMES.md has the layout.
 FILE_HEAD = struct.Struct("=16sIIIIQQI12x")
@@ -35,13 +36,18 @@ SLOT_NAMES = (
 ).split()
 MAGIC = b"STARLOOP-FRAMES\0"
 
-SharedFrame = namedtuple("SharedFrame", "head pixels")
+
+class SharedFrame(NamedTuple):
+    """A frame: its head by the names of `SLOT_NAMES`, and its pixels as little 16-bit words, row by row."""
+
+    head: Dict[str, Any]
+    pixels: bytes
 
 
 class SharedFrames:
     """The reading end of a ring of frames."""
 
-    def __init__(self, path):
+    def __init__(self, path: Union[str, "os.PathLike[str]"]):
         with open(path, "rb") as file:
             self.memory = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
         magic, version, self.slots, self.width, self.height, self.slot_bytes, _, _ = FILE_HEAD.unpack_from(self.memory)
@@ -50,22 +56,23 @@ class SharedFrames:
         self.next = 1
         self.missed = 0
 
-    def __enter__(self):
+    def __enter__(self) -> SharedFrames:
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_: Any) -> None:
         self.memory.close()
 
     @property
-    def published(self):
+    def published(self) -> int:
         """Frames that the run has written so far."""
-        return FILE_HEAD.unpack_from(self.memory)[6]
+        return int(FILE_HEAD.unpack_from(self.memory)[6])
 
     @property
-    def is_over(self):
-        return FILE_HEAD.unpack_from(self.memory)[7] != 0
+    def is_over(self) -> bool:
+        """Whether the run has ended: no further frame comes."""
+        return int(FILE_HEAD.unpack_from(self.memory)[7]) != 0
 
-    def read(self, serial):
+    def read(self, serial: int) -> Optional[SharedFrame]:
         """Frame `serial`, from 1; None when it is not there yet or has been overwritten."""
         at = FILE_HEAD.size + (serial - 1) % self.slots * self.slot_bytes
         head = dict(zip(SLOT_NAMES, SLOT_HEAD.unpack_from(self.memory, at)))
@@ -76,7 +83,7 @@ class SharedFrames:
         is_whole = struct.unpack_from("=Q", self.memory, at)[0] == serial and zlib.crc32(pixels) == head["pixel_crc32"]
         return SharedFrame(head, pixels) if is_whole else None
 
-    def frames(self, poll_s=0.002):
+    def frames(self, poll_s: float = 0.002) -> Iterator[SharedFrame]:
         """Frames as they come, until the run is over."""
         while True:
             # Before looking: what is written after this look is found by the next one.
@@ -97,7 +104,8 @@ class SharedFrames:
             time.sleep(poll_s)
 
 
-def main():
+def main() -> None:
+    """Prints a line for each frame."""
     if len(sys.argv) != 2:
         sys.exit("shared_frames.py: wanted the path of the shared memory, such as /dev/shm/starloop")
     with SharedFrames(sys.argv[1]) as ring:

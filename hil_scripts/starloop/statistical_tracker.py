@@ -47,15 +47,18 @@ class Report:
 
     @classmethod
     def of(cls, folder):
+        """Reads the report in a folder."""
         return cls(json.loads((folder / "report.json").read_text()))
 
     def value(self, identifier, case=None):
+        """The value of a metric; ends the program where the report has none."""
         found = self.metrics.get((identifier, case))
         if found is None:
             sys.exit(f"the report has no {identifier}: the plan needs a case that shows it, as ecss_star_tracker_short.toml has")
         return found["value"]
 
     def of_axes(self, identifier, case=None):
+        """The values about x, y and z."""
         return [self.value(f"{identifier}.{axis}", case) for axis in AXES]
 
 
@@ -180,6 +183,7 @@ class Pair:
 
 
 def main():
+    """Finds the figures of a tracker from a flight of a plan."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("plan", type=Path)
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")

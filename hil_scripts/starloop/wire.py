@@ -9,14 +9,21 @@ clock (time.monotonic_ns).
 
 An attitude is given as ATT_FD on every transport; on classic CAN it leaves as the equivalent group of frames.
 """
-# mypy: ignore-errors
+from __future__ import annotations
 
+import argparse
 import binascii
 import struct
 import time
 from pathlib import Path
+from typing import Any, Dict, List, Mapping, Optional, Tuple
 
 import cantools
+
+Fields = Mapping[str, Any]
+"""Values of a message by the names of the DBC, in its units."""
+Received = Tuple[str, Dict[str, Any]]
+"""Name and fields of a message."""
 
 HERE = Path(__file__).resolve()
 PLACES = (HERE.with_name("starloop.dbc"), HERE.parents[2] / "firmware_protocol/dbc/starloop.dbc")
@@ -47,17 +54,17 @@ REFUSALS = {
 HELD_MAX = 4096
 
 
-def crc16(data):
+def crc16(data: bytes) -> int:
     """CRC-16/IBM-3740."""
     return binascii.crc_hqx(data, 0xFFFF)
 
 
-def cobs(plain):
+def cobs(plain: bytes) -> bytes:
     """Consistent overhead byte stuffing of a packet shorter than 254 bytes."""
     return b"".join(bytes([len(run) + 1]) + run for run in plain.split(b"\0"))
 
 
-def plain_of(stuffed):
+def plain_of(stuffed: bytes) -> Optional[bytes]:
     """The packet of stuffed bytes; None when they are damaged."""
     plain, at = bytearray(), 0
     while at < len(stuffed):
@@ -74,11 +81,11 @@ def plain_of(stuffed):
 class Codec:
     """Fields <-> payloads, by the DBC."""
 
-    def __init__(self):
-        self.database = cantools.database.load_file(DBC)
+    def __init__(self) -> None:
+        self.database: Any = cantools.database.load_file(DBC)
         self.dbc_crc32 = binascii.crc32(DBC.read_bytes())
 
-    def payload(self, name, fields):
+    def payload(self, name: str, fields: Fields) -> bytes:
         """The bytes of a message; the CRC-16 of an attitude is filled in."""
         if name == "ATT_FD":
             data = bytearray(self._encoded(name, {**fields, "Crc16": 0}))
@@ -86,16 +93,18 @@ class Codec:
             return bytes(data)
         return self._encoded(name, fields)
 
-    def _encoded(self, name, fields):
+    def _encoded(self, name: str, fields: Fields) -> bytes:
         message = self.database.get_message_by_name(name)
         try:
-            return message.encode(fields, scaling=True, strict=False)
+            return bytes(message.encode(fields, scaling=True, strict=False))
         except Exception as error:
             raise ValueError(f"{name}: cannot encode {fields}: {error}") from error
 
-    def classic_group(self, fields):
+    def classic_group(self, fields: Fields) -> List[Tuple[str, bytes]]:
         """The frames of an attitude on classic CAN, the commit last."""
-        pick = lambda *names: {name: fields[name] for name in names}
+        def pick(*names: str) -> Dict[str, Any]:
+            return {name: fields[name] for name in names}
+
         parts = [("ATT_Q01", pick("Qw", "Qx")), ("ATT_Q23", pick("Qy", "Qz"))]
         if fields["RateValid"]:
             parts.append(("ATT_W", pick("RateX", "RateY", "RateZ")))
@@ -107,16 +116,17 @@ class Codec:
         crc = crc16(b"".join(data for _, data in frames) + head)
         return [*frames, ("ATT_T", head + struct.pack("<H", crc))]
 
-    def identifier(self, name):
-        return self.database.get_message_by_name(name).frame_id
+    def identifier(self, name: str) -> int:
+        """The CAN identifier of a message of node 0, base 0."""
+        return self.database.get_message_by_name(name).frame_id  # type: ignore[no-any-return]
 
-    def refusal(self, code):
+    def refusal(self, code: int) -> str:
         """Name, code and meaning of a refusal in RSP; a code of a later version has no name here."""
         names = self.database.get_message_by_name("RSP").get_signal_by_name("Code").choices
         meaning = REFUSALS.get(code, "a later version of the protocol has this code")
         return f"{names.get(code, 'unknown')} (code {code}): {meaning}"
 
-    def fields(self, identifier, data):
+    def fields(self, identifier: int, data: bytes) -> Optional[Received]:
         """Name and fields of a payload; None for an identifier or a length that the DBC does not have, or a scaled integer
         at its lowest count, which is below the DBC's range: no sender of this protocol has it."""
         try:
@@ -128,26 +138,30 @@ class Codec:
         return None if is_lowest else (message.name, fields)
 
     @staticmethod
-    def _is_below(signal, value):
-        return signal.is_signed and not signal.is_float and value < signal.minimum - signal.scale / 2
+    def _is_below(signal: Any, value: Any) -> bool:
+        return bool(signal.is_signed and not signal.is_float and value < signal.minimum - signal.scale / 2)
 
 
 class CanTransport:
     """A node on a CAN bus, through python-can. The DBC is of node 0, base 0 and 11 bits; others are counted from there."""
 
-    def __init__(self, interface, channel, fd, node=0, base=0, id_bits=11, **options):
+    def __init__(
+        self, interface: str, channel: str, fd: bool, node: int = 0, base: int = 0, id_bits: int = 11, **options: Any
+    ):
         import can
 
-        self.can, self.fd, self.codec = can, fd, Codec()
+        self.can: Any = can
+        self.fd, self.codec = fd, Codec()
         self.node, self.base, self.is_extended = node, base, id_bits == 29
         # python-can's slcan takes no `fd`: it takes FD from the message.
         if fd and interface != "slcan":
             options["fd"] = True
         if interface == "slcan":
             options.setdefault("sleep_after_open", 0)
-        self.bus = can.Bus(interface=interface, channel=channel, **options)
+        self.bus: Any = can.Bus(interface=interface, channel=channel, **options)
 
-    def send(self, name, fields):
+    def send(self, name: str, fields: Fields) -> int:
+        """Sends a message; the time at which it left, ns of the monotonic clock."""
         frames = (
             self.codec.classic_group(fields)
             if name == "ATT_FD" and not self.fd
@@ -166,18 +180,18 @@ class CanTransport:
             self.bus.send(message)
         return time.monotonic_ns()
 
-    def identifier(self, name):
-        """SYNC is for all nodes."""
+    def identifier(self, name: str) -> int:
+        """The CAN identifier of a message of this node; SYNC is for all nodes."""
         return self.base + self.codec.identifier(name) + (0 if name == "SYNC" else self.node)
 
-    def message(self, message):
+    def message(self, message: Any) -> Optional[Received]:
         """Name and fields of a frame; None when it is not of this node."""
         if message.is_extended_id != self.is_extended:
             return None
         found = self.codec.fields(message.arbitration_id - self.base & ~0xF, message.data)
         return found if found and self.identifier(found[0]) == message.arbitration_id else None
 
-    def receive(self, timeout_s):
+    def receive(self, timeout_s: float) -> Optional[Received]:
         """The next message of the DBC, as (name, fields), or None."""
         until = time.monotonic() + timeout_s
         while True:
@@ -190,11 +204,12 @@ class CanTransport:
             if found:
                 return found
 
-    def close(self):
+    def close(self) -> None:
+        """Leaves the bus."""
         self.bus.shutdown()
 
 
-def add_can_arguments(parser):
+def add_can_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments that say where a CAN bus is, and which node on it."""
     parser.add_argument("--interface", help="python-can interface: slcan, socketcand, socketcan, ...")
     parser.add_argument("--channel", default="can0", help="python-can channel (default can0)")
@@ -207,7 +222,7 @@ def add_can_arguments(parser):
     parser.add_argument("--fd", action="store_true", help="CAN FD instead of classic CAN")
 
 
-def can_transport(given):
+def can_transport(given: argparse.Namespace) -> CanTransport:
     """The transport of these arguments."""
     options = {key: value for key, value in (("host", given.host), ("port", given.port)) if value is not None}
     return CanTransport(given.interface, given.channel, given.fd, given.node, given.id_base, given.id_bits, **options)
@@ -218,15 +233,16 @@ class SerialTransport:
 
     fd = True  # an attitude travels in one piece
 
-    def __init__(self, port, baud):
-        import serial
+    def __init__(self, port: str, baud: int):
+        import serial  # type: ignore[import-untyped]
 
         self.codec = Codec()
-        self.line = serial.Serial(port, baud, timeout=0)
+        self.line: Any = serial.Serial(port, baud, timeout=0)
         self.sequence, self.held = 0, bytearray()
         self.damaged = 0
 
-    def send(self, name, fields):
+    def send(self, name: str, fields: Fields) -> int:
+        """Sends a message; the time at which it left, ns of the monotonic clock."""
         data = self.codec.payload(name, fields)
         number = self.codec.identifier(name) >> NODE_BITS
         packet = bytes([MAJOR, number, self.sequence, len(data)]) + data
@@ -236,7 +252,8 @@ class SerialTransport:
         self.line.flush()
         return time.monotonic_ns()
 
-    def receive(self, timeout_s):
+    def receive(self, timeout_s: float) -> Optional[Received]:
+        """The next message of the DBC, as (name, fields), or None; damaged packets are counted."""
         until = time.monotonic() + timeout_s
         while True:
             while b"\0" in self.held:
@@ -253,7 +270,7 @@ class SerialTransport:
             self.line.timeout = min(left, 0.02)
             self.held += self.line.read(max(1, self.line.in_waiting))
 
-    def _message(self, stuffed):
+    def _message(self, stuffed: bytes) -> Optional[Received]:
         packet = plain_of(stuffed)
         if packet is None or len(packet) < 6 or crc16(packet[:-2]) != struct.unpack("<H", packet[-2:])[0]:
             self.damaged += 1
@@ -261,5 +278,6 @@ class SerialTransport:
         _, number, _, length = packet[:4]
         return self.codec.fields(number << NODE_BITS, packet[4 : 4 + length])
 
-    def close(self):
+    def close(self) -> None:
+        """Closes the port."""
         self.line.close()

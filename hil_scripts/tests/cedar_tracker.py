@@ -1,108 +1,24 @@
-"""cedar-solve as a star tracker under test: cedar_tracker.py FRAMES CAMERA LOG
+"""cedar-solve with the aberration of light as a tracker under test: cedar_tracker.py FRAMES CAMERA LOG [--aberration]
 
-FRAMES is a folder of FITS images, CAMERA the camera file that drew them, LOG the table to write for `starloop report`.
-Every image is solved alone, lost in space. The camera file gives what a calibration would: focal length and distortion.
-Attitudes are cedar-solve's own right ascension, declination and roll. Its catalog places are not those that a moving
-observer sees; --aberration takes the Earth's velocity into account, which cedar-solve itself does not.
+As hil_scripts/trackers/cedar_solve.py, with one more option: cedar-solve's catalog places are not those that a moving observer
+sees; --aberration takes the Earth's velocity into account, which cedar-solve itself does not.
 
 Needs cedar-solve (PyPI), which brings numpy, scipy, Pillow and its database for fields of 10 to 30 degrees.
 """
 
-import argparse
 import contextlib
 import logging
 import math
 import os
 import sys
-import tomllib
 from datetime import datetime, timezone
 from pathlib import Path
 
 import numpy
 
-CARD = 80
-BLOCK = 2880
-SIGMAS = 5.0
-"""A spot's pixels are so many times the noise above the background."""
-BRIGHTEST = 30
-"""Spots that are given to cedar-solve."""
+sys.path.append(str(Path(__file__).resolve().parents[1] / "trackers"))
 
-
-def read_fits(path):
-    """Returns header and pixels of the first image of a FITS file of 16-bit whole numbers."""
-    data = Path(path).read_bytes()
-    header, place = {}, 0
-    while True:
-        card = data[place : place + CARD].decode("ascii")
-        place += CARD
-        if card.rstrip() == "END":
-            break
-        if card[8:10] == "= ":
-            value = card[10:].split("'")[1] if card[10:].lstrip().startswith("'") else card[10:].split("/")[0]
-            header[card[:8].strip()] = value.strip()
-    place = -(-place // BLOCK) * BLOCK
-    if header["BITPIX"] != "16":
-        raise ValueError(f"{path}: got BITPIX {header['BITPIX']}, wanted 16")
-    shape = (int(header["NAXIS2"]), int(header["NAXIS1"]))
-    stored = numpy.frombuffer(data, ">i2", shape[0] * shape[1], place).reshape(shape)
-    return header, stored.astype(float) + float(header.get("BZERO", 0))
-
-
-class Camera:
-    """Geometry of a camera file: focal length in pixels of the image, distortion, principal point."""
-
-    def __init__(self, path, size):
-        file = tomllib.loads(Path(path).read_text())
-        detector, optics = file["detector"], file["optics"]
-        self.height, self.width = size
-        binning = detector.get("binning", {}).get("factor", 1)
-        self.focal_px = optics["focal_length_mm"] * 1e3 / detector["pixel_pitch_um"] / binning
-        distortion = file.get("distortion", {})
-        self.k = [distortion.get(name, 0.0) for name in ("k1", "k2", "k3")]
-        self.p = [distortion.get(name, 0.0) for name in ("p1", "p2")]
-        self.centre = numpy.array([0.5 * (self.width - 1), 0.5 * (self.height - 1)])
-        self.fov_deg = math.degrees(2 * math.atan(0.5 * self.width / self.focal_px))
-
-    def undistorted(self, places):
-        """Returns places (x, y; first centre 0) where an ideal camera has them."""
-        seen = (places - self.centre) / self.focal_px
-        ideal = seen.copy()
-        for _ in range(20):
-            x, y = ideal.T
-            r2 = x * x + y * y
-            radial = 1 + r2 * (self.k[0] + r2 * (self.k[1] + r2 * self.k[2]))
-            p1, p2 = self.p
-            shift = numpy.stack([2 * p1 * x * y + p2 * (r2 + 2 * x * x), p1 * (r2 + 2 * y * y) + 2 * p2 * x * y], 1)
-            ideal = (seen - shift) / radial[:, None]
-        return ideal * self.focal_px + self.centre
-
-
-def spots(image):
-    """Returns the places (x, y) of the brightest spots, by the centre of gravity of their pixels."""
-    from scipy import ndimage
-
-    # The median of every fourth pixel of each direction, which is enough for a smooth background.
-    coarse = ndimage.median_filter(image[2::4, 2::4], size=9)
-    rows, columns = (numpy.clip((numpy.arange(size) - 2) / 4, 0, None) for size in image.shape)
-    grid = numpy.meshgrid(rows, columns, indexing="ij")
-    background = ndimage.map_coordinates(coarse, grid, order=1, mode="nearest")
-    light = image - background
-    noise = 1.4826 * numpy.median(numpy.abs(light - numpy.median(light)))
-    smooth = ndimage.uniform_filter(light, 3)
-    marked, count = ndimage.label(smooth > SIGMAS * max(noise, 0.3) / 3)
-    found = []
-    for number, window in enumerate(ndimage.find_objects(marked), 1):
-        rows, columns = (slice(max(part.start - 1, 0), min(part.stop + 1, size)) for part, size in zip(window, image.shape))
-        part = numpy.where(
-            (marked[rows, columns] == number) | (marked[rows, columns] == 0), numpy.clip(light[rows, columns], 0, None), 0
-        )
-        total = part.sum()
-        if total <= 0 or part.shape[0] > 25 or part.shape[1] > 25:
-            continue
-        y, x = numpy.mgrid[rows, columns]
-        found.append((total, (x * part).sum() / total, (y * part).sum() / total))
-    found.sort(reverse=True)
-    return numpy.array([place[1:] for place in found[:BRIGHTEST]]).reshape(-1, 2)
+from adapter import Camera, answer, parser, spots  # noqa: E402, F401 - found by the line above
 
 
 def earth_velocity(when):
@@ -149,16 +65,6 @@ def corrected(rows, beta):
     return u @ v
 
 
-def arguments():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("frames", type=Path)
-    parser.add_argument("camera", type=Path)
-    parser.add_argument("log", type=Path)
-    parser.add_argument("--aberration", action="store_true", help="correct for the Earth's velocity")
-    parser.add_argument("--timeout-ms", type=float, default=2000.0, help="longest search for one image")
-    return parser.parse_args()
-
-
 def solver():
     """Returns cedar-solve, which says nothing."""
     logging.disable(logging.CRITICAL)
@@ -182,33 +88,32 @@ def matched(tetra, camera, ideal, timeout_ms, **more):
     )
 
 
-def solve(tetra, path, given):
-    """Returns the row of one image: number, time, attitude or nothing, stars."""
-    header, image = read_fits(path)
-    camera = Camera(given.camera, image.shape)
-    number, utc = header["FRAME"], header["T-MID"]
-    places = spots(image)
-    nothing = [number, utc, "", "", "", "", ""]
+def attitude_of(tetra, camera, pixels, timeout_ms, when=None):
+    """Returns the attitude of an image and its number of stars, or None; `when` corrects for the Earth's velocity."""
+    places = spots(pixels)
     if len(places) < 4:
-        return nothing
-    found = matched(tetra, camera, camera.undistorted(places), given.timeout_ms)
+        return None
+    found = matched(tetra, camera, camera.undistorted(places), timeout_ms)
     if found["RA"] is None:
-        return nothing
+        return None
     rows = matrix(found["RA"], found["Dec"], -found["Roll"])
-    if given.aberration:
-        when = datetime.fromisoformat(utc.replace("Z", "")[:26]).replace(tzinfo=timezone.utc)
-        rows = corrected(rows, earth_velocity(when))
-    return [number, utc, *(f"{value:.12f}" for value in quaternion(rows)), str(found["Matches"])]
+    return quaternion(rows if when is None else corrected(rows, earth_velocity(when))), found["Matches"]
+
+
+def solve(tetra, image, given):
+    """Returns attitude and stars of one image; nothing where there is none."""
+    when = datetime.fromisoformat(image.header["T-MID"].replace("Z", "")[:26]).replace(tzinfo=timezone.utc)
+    found = attitude_of(tetra, image.camera, image.pixels, given.timeout_ms, when if given.aberration else None)
+    return found and [*(f"{value:.12f}" for value in found[0]), found[1]]
 
 
 def main():
-    given = arguments()
-    images = sorted(given.frames.glob("*.fits"))
-    if not images:
-        sys.exit(f"cedar_tracker.py: {given.frames} has no FITS image; wanted the folder of a recorded run")
+    arguments = parser(__doc__.splitlines()[0])
+    arguments.add_argument("--aberration", action="store_true", help="correct for the Earth's velocity")
+    arguments.add_argument("--timeout-ms", type=float, default=2000.0, help="longest search for one image")
+    given = arguments.parse_args()
     tetra = solver()
-    lines = [",".join(solve(tetra, path, given)) for path in images]
-    given.log.write_text("\n".join(["frame,utc,q_w,q_x,q_y,q_z,stars", *lines, ""]))
+    answer(lambda image: solve(tetra, image, given), "q_w,q_x,q_y,q_z,stars", given)
 
 
 if __name__ == "__main__":

@@ -1,10 +1,10 @@
 """The jobs of the guide's page on continuous integration, run as a server would: python3 hil_scripts/tests/test_ci.py
 
 The commands come from src/guide/ci.md, with the files that it says to commit; commands that install are left out, and the
-program under test is `starloop` on the PATH. The CRC of the page is that of one version: where the file of expected CRCs
-differs, the job must fail and print the line to add, and with that line it must pass. Controls: a tightened limit ends the
-job, with its files for the server in place; a wrong CRC ends it; a job without a command that installs is refused.
-Needs PyYAML, which requirements_campaign.txt brings along.
+program under test is `starloop` on the PATH. The CRC of the page is that of one version and vector level: on that level the
+job passes with the page's own file. Where the file of expected CRCs differs, the job must fail and print the line to add, and
+with that line it must pass. Controls: a tightened limit ends the job, with its files for the server in place; one digit of
+the page's CRC changed ends it; a job without a command that installs is refused. Needs PyYAML (requirements.txt).
 """
 
 import os
@@ -15,12 +15,14 @@ import xml.etree.ElementTree as xml
 
 import yaml
 
-from support import PROGRAM, ROOT, InAFolder
+from support import PROGRAM, ROOT, InAFolder, starloop
 
 PAGE = ROOT / "src/guide/ci.md"
 INSTALLS = re.compile(r"\b(apt-get|curl|dpkg|sha256sum)\b")
 FLIES = "starloop run"
 PATIENCE_S = 120.0
+#: Invariants that a bench with a fault has something to check for: all hold.
+INVARIANTS = {"invariant: each scheduled frame is delivered or dropped": False}
 
 
 def blocks(page, mark):
@@ -50,6 +52,13 @@ def gitlab(text):
 
 
 READERS = {"github": github, "gitlab": gitlab}
+
+
+def cases_of(path):
+    """Returns the cases of a JUnit file that were judged: what failed, by group and name."""
+    suite = xml.parse(path).getroot().find("testsuite")
+    judged = [case for case in suite.findall("testcase") if case.find("skipped") is None]
+    return {(case.get("classname"), case.get("name")): case.find("failure") is not None for case in judged}
 
 
 def without_install(scripts):
@@ -103,10 +112,34 @@ class Jobs(InAFolder):
         self.written("expected_crc.txt", found[1] + "\n")
         self.clean()
 
+    def outcome_with(self, name, crcs):
+        """Runs a job with this file of expected CRCs: its status, all output."""
+        self.clean()
+        self.written("expected_crc.txt", crcs)
+        return self.run_job(name)
+
+    def test_the_crc_of_the_page_is_that_of_this_program_and_another_digit_is_not(self):
+        line = blocks(self.page, "committed")["expected_crc.txt"]
+        found = re.fullmatch(r"vector level (V\d+)\trun CRC-32 +([0-9a-f]{8})\n", line)
+        self.assertIsNotNone(found, line)
+        level, crc = found.groups()
+        wrong = line.replace(crc, crc[:-1] + ("1" if crc[-1] == "0" else "0"))
+        for name in READERS:
+            with self.subTest(name):
+                status, said = self.outcome_with(name, wrong)
+                self.assertEqual(status, 1, said)
+                here = re.search(r"^not in expected_crc.txt: vector level (V\d+)\t", said, re.MULTILINE)
+                self.assertIsNotNone(here, said)
+                status, said = self.outcome_with(name, line)
+                if here[1] == level:
+                    self.assertEqual(status, 0, said)
+                    continue
+                self.assertEqual(status, 1, said)
+                print(f"UNJUDGED: {name}: the page has a line of {level}, this processor is of {here[1]}")
+
     def cases(self):
-        """Returns the cases of the JUnit file: what failed, by name."""
-        suite = xml.parse(self.folder / "out/run.xml").getroot().find("testsuite")
-        return {case.get("name"): case.find("failure") is not None for case in suite.findall("testcase")}
+        """Returns the cases of the JUnit file that were judged: what failed, by name."""
+        return {name: failed for (_, name), failed in cases_of(self.folder / "out/run.xml").items()}
 
     def test_each_job_passes_and_keeps_what_it_names(self):
         for name in READERS:
@@ -115,7 +148,7 @@ class Jobs(InAFolder):
                 self.expect_this_program(name)
                 status, said = self.run_job(name)
                 self.assertEqual(status, 0, said)
-                self.assertEqual(self.cases(), {"verdict": False, "expect: dropped frames": False, "invariants": False})
+                self.assertEqual(self.cases(), {"verdict": False, "expect: dropped frames": False, **INVARIANTS})
                 for path in self.job(name)[1]:
                     self.assertTrue((self.folder / path).exists(), path)
 
@@ -128,7 +161,7 @@ class Jobs(InAFolder):
                 status, said = self.run_job(name)
                 self.assertEqual(status, 4, said)
                 self.assertIn("FAILED: ", said)
-                self.assertEqual(self.cases(), {"verdict": True, "expect: dropped frames": True, "invariants": False})
+                self.assertEqual(self.cases(), {"verdict": True, "expect: dropped frames": True, **INVARIANTS})
 
     def test_other_bits_end_the_job(self):
         self.expect_this_program("gitlab")
@@ -148,6 +181,37 @@ class Jobs(InAFolder):
         with self.assertRaises(AssertionError):
             without_install(["dpkg -i a.deb", "starloop check ci.toml"])
         self.assertEqual(without_install(["dpkg -i a.deb", "starloop run ci.toml"]), ["starloop run ci.toml"], "control")
+
+
+class OtherCommands(InAFolder):
+    def test_a_replay_has_cases_for_each_head_and_another_crc_is_a_failure(self):
+        captured, file = self.folder / "captured", self.folder / "replay.xml"
+        starloop("run", "--clock", "virtual", "--duration", "1", "--sink", "null", "--capture", captured, status=0)
+        starloop("replay", captured, "--junit", file, status=0)
+        bits, whole = ("head 0", "frames are bit-identical"), ("head 0", "every frame is compared")
+        self.assertEqual(cases_of(file), {bits: False, whole: False})
+        table = captured / "frames.csv"
+        crc = table.read_text().splitlines()[3].split(",")[6]
+        table.write_text(table.read_text().replace(crc, crc[:-1] + ("1" if crc[-1] == "0" else "0")))
+        starloop("replay", captured, "--junit", file, status=4)
+        self.assertEqual(cases_of(file), {bits: True, whole: False}, "control")
+
+    def test_a_campaign_has_cases_for_each_episode_and_a_broken_invariant_is_a_failure(self):
+        text = (ROOT / "configs/scenarios/campaign.toml").read_text().replace('"../', f'"{ROOT}/configs/')
+        text = text.replace("duration_s = 3600.0", "duration_s = 1400.0")
+        for arcsec, is_broken in [("300.0", False), ("1e-4", True)]:
+            file = self.folder / "campaign.xml"
+            scenario = self.written("episodes.toml", text.replace("recovered_arcsec = 300.0", f"recovered_arcsec = {arcsec}"))
+            words = ["campaign", scenario, "--hours", "0.7", "--seed", "7", "--junit", file]
+            starloop(*words, status=4 if is_broken else 0)
+            cases = cases_of(file)
+            self.assertEqual({seed for seed, _ in cases}, {"seed 7", "seed 8"})
+            self.assertEqual(cases["seed 7", "invariant: on target at the end"], is_broken)
+            self.assertFalse(cases["seed 7", "invariant: each scheduled frame is delivered or dropped"])
+
+    def test_a_file_that_cannot_be_written_is_known_before_a_campaign_flies(self):
+        said = starloop("campaign", "--hours", "1000", "--junit", self.folder / "nowhere" / "a.xml", status=1)
+        self.assertIn("--junit", said.stderr)
 
 
 if __name__ == "__main__":

@@ -1,16 +1,20 @@
 """Tests of `starloop fmu` with FMPy: python3 hil_scripts/tests/test_fmu.py
 
-A unit is validated and simulated by another program. Its frames show the attitudes that were set, compared with the formula
-of a slew written here; two runs give the same bits; a conjugated quaternion does not. STARLOOP_BINARY names the program
-(default target/release/starloop), beside which libstarloop_fmu_library.so lies. Needs fmpy and numpy.
+A unit of FMI 3 and one of FMI 2 are validated and simulated by another program. Their frames show the attitudes that were
+set, compared with the formula of a slew written here; two runs give the same bits, also in the other version; a conjugated
+quaternion does not. STARLOOP_BINARY names the program (default target/release/starloop). Needs fmpy and numpy.
 """
 
 import csv
 import math
+import os
+import signal
 import unittest
 import zlib
+from itertools import count, takewhile
 
 from fmpy import extract, read_model_description, simulate_fmu
+from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
 from fmpy.model_description import ValidationError
 from fmpy.validation import validate_fmu
@@ -53,23 +57,47 @@ def angle_rad(a, b):
     return 2 * math.asin(min(1.0, math.hypot(*off[1:])))
 
 
-def started(test, model, unzipped, out, **parameters):
-    """An instance between steps, with an output folder and other boolean parameters; it goes with the test."""
-    references = {variable.name: variable.valueReference for variable in model.modelVariables}
-    slave = FMU3Slave(
-        instanceName="one",
-        guid=model.instantiationToken,
-        unzipDirectory=unzipped,
-        modelIdentifier=model.coSimulation.modelIdentifier,
-    )
-    slave.instantiate()
-    test.addCleanup(slave.freeInstance)
-    slave.setString([references["output_dir"]], [str(out)])
-    for name, value in parameters.items():
-        slave.setBoolean([references[name]], [value])
-    slave.enterInitializationMode(startTime=0.0)
-    slave.exitInitializationMode()
-    return slave
+class Driven:
+    """An instance between steps, with an output folder, whose variables have names; it goes with the test."""
+
+    def __init__(self, test, unit, out):
+        model = read_model_description(str(unit))
+        self.is_3 = model.fmiVersion == "3.0"
+        self.variables = {variable.name: variable for variable in model.modelVariables}
+        kind, token = (FMU3Slave, model.instantiationToken) if self.is_3 else (FMU2Slave, model.guid)
+        name = model.coSimulation.modelIdentifier
+        self.slave = kind(instanceName="one", guid=token, unzipDirectory=extract(str(unit)), modelIdentifier=name)
+        self.slave.instantiate()
+        test.addCleanup(self.slave.freeInstance)
+        self.slave.setString([self.variables["output_dir"].valueReference], [str(out)])
+        if not self.is_3:
+            self.slave.setupExperiment(startTime=0.0)
+        self.slave.enterInitializationMode()
+        self.slave.exitInitializationMode()
+
+    def of(self, name):
+        """The type of a variable, and references: one of FMI 3, those of all its numbers of FMI 2."""
+        elements = [name] if name in self.variables else (f"{name}[{number}]" for number in count(1))
+        known = [self.variables[element] for element in takewhile(self.variables.__contains__, elements)]
+        return known[0].type, [variable.valueReference for variable in known]
+
+    def set(self, name, values):
+        kind, references = self.of(name)
+        getattr(self.slave, f"set{kind}")(references, values)
+
+    def get(self, name):
+        """The values of a variable, as a list."""
+        kind, references = self.of(name)
+        how_many = {"nValues": math.prod(int(size.start) for size in self.variables[name].dimensions)} if self.is_3 else {}
+        return list(getattr(self.slave, f"get{kind}")(references, **how_many))
+
+    def step(self, number):
+        self.slave.doStep(number * STEP_S, STEP_S)
+
+
+def children():
+    """The programs that this process has started and that still run."""
+    return {int(pid) for pid in open(f"/proc/self/task/{os.getpid()}/children").read().split()}
 
 
 class Unit(unittest.TestCase):
@@ -80,29 +108,25 @@ class Unit(unittest.TestCase):
         (cls.here / "bench.toml").write_text(BENCH)
         cls.fmu = cls.here / "bench.fmu"
         starloop("fmu", cls.here / "bench.toml", "--out", cls.fmu, status=0)
-        cls.model = read_model_description(str(cls.fmu))
-        cls.references = {variable.name: variable.valueReference for variable in cls.model.modelVariables}
-        cls.unzipped = extract(str(cls.fmu))
+        cls.fmu2 = cls.here / "bench of FMI 2.fmu"
+        starloop("fmu", cls.here / "bench.toml", "--fmi", 2, "--out", cls.fmu2, status=0)
 
-    def start(self, out, **parameters):
-        return started(self, self.model, self.unzipped, out, **parameters)
+    def start(self, out, unit=None):
+        return Driven(self, unit or self.fmu, out)
 
-    def fly(self, out, attitude_at, steps=100, **parameters):
+    def fly(self, out, attitude_at, steps=100, unit=None):
         """Flies steps of a slew; returns what the outputs said of each new frame: time, truth, stars."""
-        slave, seen = self.start(out, **parameters), []
-        get = lambda name, count: list(slave.getFloat64([self.references[name]], nValues=count))
-        slave.setFloat64([self.references["rate"]], [0.0, 0.0, math.radians(RATE_DEG_S)])
-        frames = 0
+        driven, seen, frames = self.start(out, unit), [], 0
+        driven.set("rate", [0.0, 0.0, math.radians(RATE_DEG_S)])
         for step in range(steps):
-            slave.setFloat64([self.references["q_body_from_icrf"]], attitude_at(step * STEP_S))
-            slave.doStep(step * STEP_S, STEP_S)
-            counter = slave.getUInt64([self.references["frame_counter"]])[0]
+            driven.set("q_body_from_icrf", attitude_at(step * STEP_S))
+            driven.step(step)
+            (counter,) = driven.get("frame_counter")
             if counter > frames:
                 frames = counter
-                stars = slave.getInt32([self.references["star_count"]])[0]
-                seen.append((get("mid_exposure", 1)[0], get("true_q_sensor_from_icrf", 4), stars))
-        self.assertEqual(slave.getUInt64([self.references["refused_samples"]])[0], 0)
-        slave.terminate()
+                seen.append((*driven.get("mid_exposure"), driven.get("true_q_sensor_from_icrf"), *driven.get("star_count")))
+        self.assertEqual(driven.get("refused_samples"), [0])
+        driven.slave.terminate()
         return seen
 
     def worst_arcsec(self, seen):
@@ -110,8 +134,50 @@ class Unit(unittest.TestCase):
         self.assertGreater(len(seen), 10)
         return max(angle_rad(q, slew(t_s)) for t_s, q, _ in seen) / ARCSEC
 
-    def test_the_unit_is_valid(self):
-        self.assertEqual(validate_fmu(str(self.fmu)), [])
+    def images(self, folder):
+        """Checksums of the pixels below a folder."""
+        files = sorted((self.here / folder).rglob("*.fits"))
+        self.assertGreater(len(files), 5)
+        return [zlib.crc32(path.read_bytes()[-131072:]) for path in files]
+
+    def simulated(self, unit, folder, outputs, **inputs):
+        """The outputs of a unit after a second that FMPy simulates by itself."""
+        inputs["output_dir"] = str(self.here / folder)
+        times = {"stop_time": 1.0, "step_size": 0.1, "output_interval": 0.1}
+        return simulate_fmu(str(unit), start_values=inputs, output=outputs, **times)[-1]
+
+    def test_the_units_are_valid(self):
+        for unit, version in [(self.fmu, "3.0"), (self.fmu2, "2.0")]:
+            self.assertEqual(validate_fmu(str(unit)), [])
+            self.assertEqual(read_model_description(str(unit)).fmiVersion, version)
+
+    def test_both_versions_say_and_draw_the_same(self):
+        three, two = self.fly(self.here / "three", slew), self.fly(self.here / "two", slew, unit=self.fmu2)
+        self.assertEqual(three, two)
+        self.assertEqual(self.images("three"), self.images("two"))
+        other = self.fly(self.here / "another two", lambda t_s: slew(1.01 * t_s), unit=self.fmu2)
+        self.assertNotEqual(three, other, "control: another slew")
+        self.assertNotEqual(self.images("three"), self.images("another two"), "control: another slew")
+
+    def test_fmpy_simulates_both_units(self):
+        elements = {f"q_body_from_icrf[{place}]": value for place, value in enumerate(slew(0.0), 1)}
+        for unit, attitude in [(self.fmu, {"q_body_from_icrf": slew(0.0)}), (self.fmu2, elements)]:
+            result = self.simulated(unit, f"simulated {unit.name}", ["frame_counter", "star_count"], **attitude)
+            self.assertGreaterEqual(result["frame_counter"], 8)
+            self.assertGreater(result["star_count"], 5)
+            self.assertGreater(len(self.images(f"simulated {unit.name}")), 7)
+
+    def test_the_end_of_the_program_is_an_error_and_nothing_is_left_running(self):
+        before = children()
+        driven = self.start(self.here / "killed")
+        driven.set("q_body_from_icrf", slew(0.0))
+        driven.step(0)
+        (started,) = children() - before
+        os.kill(started, signal.SIGKILL)
+        with self.assertRaises(Exception):
+            driven.step(1)
+        self.doCleanups()
+        self.assertEqual(children(), before)
 
     def test_a_damaged_unit_is_not_valid(self):
         import shutil
@@ -150,59 +216,58 @@ class Unit(unittest.TestCase):
         self.assertTrue(all(later[0] - earlier[0] < 0.1 + 1e-6 for earlier, later in zip(seen, seen[1:])))
 
     def test_two_runs_have_the_same_bits(self):
-        def checksums(name, rate=1.0):
+        def images(name, rate=1.0):
             self.fly(self.here / name, lambda t_s: slew(rate * t_s))
-            files = sorted((self.here / name).rglob("*.fits"))
-            self.assertGreater(len(files), 10)
-            return [zlib.crc32(path.read_bytes()[-131072:]) for path in files]
+            return self.images(name)
 
-        self.assertEqual(checksums("once"), checksums("again"))
-        self.assertNotEqual(checksums("once more"), checksums("another slew", 1.01))
+        self.assertEqual(images("once"), images("again"))
+        self.assertNotEqual(images("once more"), images("another slew", 1.01))
 
     def test_impossible_values_are_errors_not_crashes(self):
-        slave = self.start(self.here / "errors")
-        with self.assertRaises(Exception):
-            slave.getFMUState()
-        with self.assertRaises(Exception):
-            slave.getFloat64([9999])
-        slave.setFloat64([self.references["q_body_from_icrf"]], [1.0, 1.0, 0.0, 0.0])
-        with self.assertRaises(Exception):
-            slave.doStep(0.0, STEP_S)
-        slave.setFloat64([self.references["q_body_from_icrf"]], slew(0.0))
-        with self.assertRaises(Exception):
-            slave.doStep(5.0, STEP_S)
-        slave.doStep(0.0, STEP_S)
-        with self.assertRaises(Exception):
-            self.start(self.here / "errors")
+        for unit in (self.fmu, self.fmu2):
+            out = self.here / f"errors of {unit.name}"
+            driven = self.start(out, unit)
+            with self.assertRaises(Exception):
+                driven.slave.getFMUState()
+            with self.assertRaises(Exception):
+                (driven.slave.getFloat64 if driven.is_3 else driven.slave.getReal)([9999])
+            driven.set("q_body_from_icrf", [1.0, 1.0, 0.0, 0.0])
+            with self.assertRaises(Exception):
+                driven.step(0)
+            driven.set("q_body_from_icrf", slew(0.0))
+            with self.assertRaises(Exception):
+                driven.step(250)
+            driven.step(0)
+            with self.assertRaises(Exception):
+                self.start(out, unit)
 
-    def test_fmpy_simulates_it(self):
-        out = self.here / "simulated"
-        result = simulate_fmu(
-            str(self.fmu),
-            start_values={"output_dir": str(out), "q_body_from_icrf": slew(0.0)},
-            stop_time=1.0,
-            step_size=0.1,
-            output_interval=0.1,
-            output=["frame_counter", "star_count"],
-        )
-        self.assertGreaterEqual(result["frame_counter"][-1], 8)
-        self.assertGreater(result["star_count"][-1], 5)
-        self.assertTrue(list(out.rglob("*.fits")))
+    def jittered(self, name, more, **inputs):
+        """Flies a unit of the bench with further lines; returns checksums of its images, the last jitter, what was printed."""
+        (self.here / f"{name}.toml").write_text(BENCH + more)
+        unit = self.here / f"{name}.fmu"
+        said = starloop("fmu", self.here / f"{name}.toml", "--out", unit, status=0).stdout
+        result = self.simulated(unit, f"frames of {name}", ["true_jitter"], q_body_from_icrf=slew(0.0), **inputs)
+        return self.images(f"frames of {name}"), list(result["true_jitter"]), said
 
-    def test_jitter_of_the_run_files_flight_computer_is_left_out(self):
+    def test_an_importer_that_sets_no_jitter_gets_none(self):
         lines = "[[flight_computer.jitter_line]]\nfrequency_hz = 0.8\namplitude_arcsec = [400.0, 300.0, 600.0]\nphase_deg = 20.0\n"
+        images, jitter, said = self.jittered("jitter", lines)
+        self.assertIn("jitter lines of the simulated flight computer: 1 left out", said)
+        still, none, quiet = self.jittered("rest", "")
+        self.assertEqual((images, jitter, none), (still, [0.0] * 3, [0.0] * 3))
+        self.assertNotIn("jitter", quiet)
 
-        def images(name, more):
-            (self.here / f"{name}.toml").write_text(BENCH + more)
-            unit, out = self.here / f"{name}.fmu", self.here / f"frames of {name}"
-            starloop("fmu", self.here / f"{name}.toml", "--out", unit, status=0)
-            attitude = {"output_dir": str(out), "q_body_from_icrf": slew(0.0)}
-            simulate_fmu(str(unit), start_values=attitude, stop_time=1.0, step_size=0.1, output_interval=0.1, output=["frame_counter"])
-            files = sorted(out.rglob("*.fits"))
-            self.assertGreater(len(files), 5)
-            return [zlib.crc32(path.read_bytes()[-131072:]) for path in files]
-
-        self.assertEqual(images("jitter", lines), images("rest", ""))
+    def test_jitter_that_is_asked_for_is_drawn_and_reported(self):
+        still, _, _ = self.jittered("no jitter", "")
+        images, jitter, _ = self.jittered("set", "", jitter=[0.0, 2e-4, 0.0])
+        self.assertNotEqual(images, still)
+        self.assertLess(math.dist(jitter, [0.0, 2e-4, 0.0]), 1e-12)
+        rows = "".join(f"{0.1 * k:.1f},41.253,0\n" for k in range(60))
+        (self.here / "series.csv").write_text("t_s,x_arcsec,y_arcsec\n" + rows)
+        images, jitter, said = self.jittered("file", '[jitter]\nseries = "series.csv"\nstart_s = -1.0\n')
+        self.assertNotEqual(images, still)
+        self.assertLess(math.dist(jitter, [41.253 * ARCSEC, 0.0, 0.0]), 1e-9)
+        self.assertIn("series.csv of [jitter] is added", said)
 
     def test_a_unit_of_three_heads_has_the_outputs_of_each(self):
         heads = [[1.0, 0.0, 0.0, 0.0], [math.cos(0.4), math.sin(0.4), 0.0, 0.0], [math.cos(0.4), 0.0, math.sin(0.4), 0.0]]
@@ -211,17 +276,10 @@ class Unit(unittest.TestCase):
         unit = self.here / "three.fmu"
         starloop("fmu", self.here / "three.toml", "--out", unit, status=0)
         outputs = [f"head_{head}_{what}" for head in range(3) for what in ("frame_counter", "true_q_sensor_from_icrf")]
-        result = simulate_fmu(
-            str(unit),
-            start_values={"output_dir": str(self.here / "three"), "q_body_from_icrf": slew(0.0)},
-            stop_time=1.0,
-            step_size=0.1,
-            output_interval=0.1,
-            output=outputs,
-        )
+        result = self.simulated(unit, "three heads", outputs, q_body_from_icrf=slew(0.0))
         for head, mounting in enumerate(heads):
-            self.assertGreaterEqual(result[f"head_{head}_frame_counter"][-1], 8)
-            wxyz = list(result[f"head_{head}_true_q_sensor_from_icrf"][-1])
+            self.assertGreaterEqual(result[f"head_{head}_frame_counter"], 8)
+            wxyz = list(result[f"head_{head}_true_q_sensor_from_icrf"])
             self.assertLess(angle_rad(wxyz, product(mounting, slew(0.0))), 0.01 * ARCSEC)
             self.assertGreater(angle_rad(wxyz, product(heads[head - 1], slew(0.0))), 0.1, "control: another head's")
 

@@ -112,7 +112,7 @@ def fault_of(name, page, shared):
 README = (ROOT / "README.md").read_text()
 PAGES = {path.name: path.read_text() for path in sorted(GUIDE.glob("*.md"))}
 WANTED = pages_of_the_table(README) | {name for name, page in PAGES.items() if BLOCK.search(page)}
-SHARED = dict(FILES.findall(README) + FILES.findall(PAGES["recipes.md"]))
+SHARED = dict(FILES.findall(README) + FILES.findall(PAGES["recipes.md"] + PAGES["more_recipes.md"]))
 
 
 class Heads(unittest.TestCase):

@@ -122,6 +122,29 @@ class OnThePage(unittest.TestCase):
                     self.assertIn("too-wide", found["beyond"], "control")
                 self.assertEqual(self.browser.complaints(), [])
 
+    def test_on_paper_each_page_fits_in_light_colours_without_buttons_and_then_the_screen_is_as_before(self):
+        ground = "getComputedStyle(document.body).backgroundColor"
+        buttons = "getComputedStyle(byId('tabs')).display !== 'none'"
+        with self.shown():
+            self.value("isLight() ? changeTheme() : undefined")
+            on_screen = self.value(ground)
+            self.assertTrue(self.value(buttons), "control")
+            self.addCleanup(self.browser.ask, "Emulation.setEmulatedMedia", media="")
+            self.browser.ask("Emulation.setEmulatedMedia", media="print")
+            width = 702  # of A4 within its margins
+            self.browser.resize((width, 1000))
+            for page in PAGES:
+                self.value(f"choosePage({page!r})")
+                self.value("dispatchEvent(new Event('beforeprint'))")
+                found = self.value(LAYOUT)
+                with self.subTest(page):
+                    self.assertEqual((found["scroll"] <= width, found["beyond"]), (True, []))
+                    self.assertFalse(self.value(buttons))
+                    self.assertNotEqual(self.value(ground), on_screen)
+                self.value("dispatchEvent(new Event('afterprint'))")
+                self.assertEqual(self.value(ground), on_screen)
+            self.assertEqual(self.browser.complaints(), [])
+
     def test_buttons_wheel_keys_and_two_fingers_zoom_and_dragging_moves(self):
         with self.shown():
             whole = self.value(SEEN)

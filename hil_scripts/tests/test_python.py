@@ -1,5 +1,6 @@
 """The Python package, installed from its wheel into an environment of its own: images, runs, types, examples of the guide."""
 
+import ast
 import json
 import os
 import re
@@ -177,18 +178,25 @@ print(json.dumps([made, [item.labels for item in items], [crc(item.image) for it
         notebook = json.loads((ROOT / "src" / "guide" / "accuracy_and_speed.ipynb").read_text())
         self.assertEqual(notebook["nbformat"], 4)
         cells = ["".join(cell["source"]) for cell in notebook["cells"] if cell["cell_type"] == "code"]
-        facts = "import json; print(json.dumps([errors, len(at_s), pointing, pyplot.get_fignums()]))"
+        facts = "import json; print(json.dumps([errors, len(at_s), pointing, pyplot.get_fignums(), fault_at_s, stars, held, report]))"
         (self.work / "notebook.py").write_text("\n\n".join([*cells, facts]))
         environment = {**os.environ, "MPLBACKEND": "Agg"}
         said = output(self.python, "notebook.py", cwd=self.work, env=environment)
-        errors, frames, pointing, charts = json.loads(said.strip().splitlines()[-1])
+        errors, frames, pointing, charts, fault_at_s, stars, held, report = json.loads(said.strip().splitlines()[-1])
         self.assertLess(errors["auto"], 1e-4, "the planner keeps its budget")
         self.assertGreater(errors["gaussian"], 0.1, "control: a method that is wrong for a streak is seen to be")
         self.assertLess(errors["samples:32"], errors["samples:4"])
-        self.assertEqual(charts, [1, 2], "two charts")
+        self.assertEqual(charts, [1, 2, 3], "three charts")
         self.assertGreater(frames, 100)
         self.assertGreater(max(pointing), 5000, "control: the turn is in the chart")
         self.assertLess(sorted(pointing[-20:])[10], 10, "the loop settles on the new target")
+        blind = {count for at_s, count in zip(fault_at_s, stars) if 32 < at_s < 44}
+        seeing = {count for at_s, count in zip(fault_at_s, stars) if 10 < at_s < 29}
+        self.assertEqual(blind, {0}, "the fault blinds the tracker")
+        self.assertGreater(min(seeing), 10, "control: before it there are stars")
+        self.assertLess(max(held[20:]), 60, "the gyro carries on")
+        self.assertEqual([fault["name"] for fault in report["faults"]], ["stray_light"])
+        self.assertEqual(report["verdict"], "ok")
 
     def test_what_an_image_costs_beside_the_command(self):
         scene = ["--camera", "cameras/star_tracker_20deg.toml", "--ra", "83.8", "--dec", "-5.4", "--backend", "cpu"]
@@ -224,6 +232,21 @@ print(json.dumps([made, [item.labels for item in items], [crc(item.image) for it
         output(*mypy, "typed.py", cwd=self.work)
         with self.assertRaises(AssertionError, msg="control: a wrong type is found"):
             output(*mypy, "wrong.py", cwd=self.work)
+
+    def test_every_public_name_has_a_docstring(self):
+        def names(node, prefix):
+            """Public functions and classes without a docstring."""
+            kinds = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
+            for one in node.body:
+                if isinstance(one, kinds) and not one.name.startswith("_"):
+                    if not ast.get_docstring(one):
+                        yield prefix + one.name
+                    if isinstance(one, ast.ClassDef):
+                        yield from names(one, f"{prefix}{one.name}.")
+
+        missing = [name for path in sorted((SCRIPTS / "starloop").glob("*.py")) for name in names(ast.parse(path.read_text()), f"{path.name}: ")]
+        self.assertEqual(missing, [])
+        self.assertEqual(list(names(ast.parse("class A:\n    'a'\n    def b(self): pass\n    def _c(self): pass"), "")), ["A.b"], "control")
 
     def test_the_sources_of_the_package_are_typed(self):
         output(sys.executable, "-m", "mypy", "--strict", "--python-executable", self.python, "-p", "starloop", cwd=self.work)

@@ -9,11 +9,9 @@ need the real clock: test_plain_links.py. Needs fmpy.
 import math
 import unittest
 
-from fmpy import extract, read_model_description
-
 from support import ARCSEC, BINARY, CAMERA, InAFolder, about_y, rows_of, starloop
 from starloop.client import Starloop, attitude_sample
-from test_fmu import started
+from test_fmu import Driven
 
 BENCH = """
 name = "slew"
@@ -69,19 +67,16 @@ class SameSlew(InAFolder):
         """Frames of a co-simulation unit: number to attitude and time; their pixels are in the folder."""
         fmu, out, seen = self.folder / "slew.fmu", self.folder / "unit", {}
         starloop("fmu", self.bench('[sink]\nkind = "recorder"\n'), "--out", fmu, status=0)
-        model = read_model_description(str(fmu))
-        name = {variable.name: variable.valueReference for variable in model.modelVariables}
-        unit = started(self, model, extract(str(fmu)), out)
+        unit = Driven(self, fmu, out)
         for k in range(COUNT):
             wxyz, rate = slew(k * STEP_S)
-            unit.setFloat64([name["q_body_from_icrf"]], wxyz)
-            unit.setFloat64([name["rate"]], rate)
-            unit.doStep(k * STEP_S, STEP_S)
-            frames = unit.getUInt64([name["frame_counter"]])[0]
+            unit.set("q_body_from_icrf", wxyz)
+            unit.set("rate", rate)
+            unit.slave.doStep(k * STEP_S, STEP_S)
+            (frames,) = unit.get("frame_counter")
             if frames:
-                truth = list(unit.getFloat64([name["true_q_sensor_from_icrf"]], nValues=4))
-                seen[frames - 1] = (truth, unit.getFloat64([name["mid_exposure"]], nValues=1)[0])
-        unit.terminate()
+                seen[frames - 1] = (unit.get("true_q_sensor_from_icrf"), *unit.get("mid_exposure"))
+        unit.slave.terminate()
         return seen, out
 
     def test_lockstep_and_unit_draw_the_same_attitudes(self):

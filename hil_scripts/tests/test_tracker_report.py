@@ -15,11 +15,13 @@ import os
 import random
 import re
 import shutil
+import struct
 import subprocess
 import sys
 import unittest
 import venv
 import xml.etree.ElementTree
+import zlib
 from pathlib import Path
 
 import support
@@ -74,12 +76,17 @@ def change_log(case, change):
 
 def cedar_python():
     """Returns the Python of the environment with cedar-solve, and makes it where there is none."""
-    python = ENVIRONMENT / "bin/python"
-    check = [str(python), "-c", "import tetra3, numpy, scipy"]
+    return python_with(ENVIRONMENT, CEDAR_SOLVE, "tetra3, numpy, scipy")
+
+
+def python_with(environment, package, modules):
+    """Returns the Python of an environment with a package of PyPI that has these modules, and makes it where there is none."""
+    python = environment / "bin/python"
+    check = [str(python), "-c", f"import {modules}"]
     if not python.exists() or subprocess.run(check, capture_output=True).returncode != 0:
-        shutil.rmtree(ENVIRONMENT, ignore_errors=True)
-        venv.create(ENVIRONMENT, with_pip=True)
-        install = [str(python), "-m", "pip", "install", "-q", "--disable-pip-version-check", CEDAR_SOLVE]
+        shutil.rmtree(environment, ignore_errors=True)
+        venv.create(environment, with_pip=True)
+        install = [str(python), "-m", "pip", "install", "-q", "--disable-pip-version-check", package]
         subprocess.run(install, check=True, timeout=900)
     return python
 
@@ -536,6 +543,39 @@ print(*sys.argv[3:])
 """A program that reads the truth: in the place of any tracker."""
 
 
+def fits_pixels(path):
+    """Returns the pixels of a FITS image of 16 bits, from the top."""
+    data = path.read_bytes()
+    cards = [data[at : at + 80].decode() for at in range(0, len(data), 80)]
+    end = next(place for place, card in enumerate(cards) if card.rstrip() == "END")
+    value = {card[:8].strip(): card[10:].split("/")[0].strip() for card in cards[:end] if card[8:10] == "= "}
+    count, start = int(value["NAXIS1"]) * int(value["NAXIS2"]), -(-(end + 1) * 80 // 2880) * 2880
+    return [stored + 32768 for stored in struct.unpack_from(f">{count}h", data, start)]
+
+
+def png_greys(path):
+    """Returns the pixels of a PNG of 8-bit grey, whichever filter each row has."""
+    data, place, packed = path.read_bytes(), 8, b""
+    while place < len(data):
+        length, kind = struct.unpack_from(">I4s", data, place)
+        packed += data[place + 8 : place + 8 + length] if kind == b"IDAT" else b""
+        place += 12 + length
+    width, height, depth, colour = struct.unpack_from(">IIBB", data, 16)
+    if (depth, colour) != (8, 0):
+        raise ValueError(f"{path}: got {depth} bits, colour {colour}, wanted 8-bit grey")
+    raw, above, greys = zlib.decompress(packed), [0] * width, []
+    for row in range(height):
+        kind, *bytes_of_row = raw[row * (width + 1) : (row + 1) * (width + 1)]
+        now = []
+        for x, byte in enumerate(bytes_of_row):
+            left, up, corner = (now[x - 1] if x else 0), above[x], (above[x - 1] if x else 0)
+            nearest = min((left, up, corner), key=lambda near: abs(left + up - corner - near))
+            now.append((byte + (0, left, up, (left + up) // 2, nearest)[kind]) % 256)
+        greys += now
+        above = now
+    return greys
+
+
 class Plans(InAFolder):
     """Messages of `fly`, `report` and `check` about plans and requirements."""
 
@@ -567,6 +607,22 @@ class Plans(InAFolder):
         self.assertIn("<td>small tracker for campaigns</td>", page, "the camera's name, not that of its file")
         digest = hashlib.sha256((self.folder / "flown/report.json").read_bytes()).hexdigest()
         self.assertIn(digest, page, "the page has the hash of its data")
+
+    def test_images_of_8_bits_are_on_the_scale_that_the_report_states(self):
+        self.write()
+        done = self.fly("--keep-images", "--images", "png8:60,2", status=4)
+        words = "FITS, and PNG of 8 bits: grey = (DN - 60) / 2, rounded, 0 to 255; white from 570 DN"
+        self.assertIn(f"images: {words}\n", done.stderr)
+        report = json.loads((self.folder / "flown/report.json").read_text())
+        self.assertIn(["images", words], report["conditions"])
+        folder = self.folder / "flown/slew"
+        self.assertEqual(len(list(folder.glob("*.png"))), len(list(folder.glob("*.fits"))))
+        dn, greys = fits_pixels(folder / "frame_000003.fits"), png_greys(folder / "frame_000003.png")
+        wanted = [min(max(math.floor((value - 60) / 2 + 0.5), 0), 255) for value in dn]
+        self.assertEqual(greys, wanted)
+        self.assertNotEqual(greys, [min(value >> 4, 255) for value in dn], "control: another scale")
+        done = self.run_here("fly", "plan.toml", "--out", "own", "--images", "png8", status=1)
+        self.assertIn("--images: wanted a program under test", done.stderr)
 
     def test_a_quoted_command_and_a_program_that_is_not_there(self):
         self.write()

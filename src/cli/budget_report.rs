@@ -6,8 +6,8 @@ use crate::cli::{frame_plan::FramePlans, named, run::args::ClockKind, run::finis
 use anyhow::Result;
 use config::Bench;
 use frames::report::{
-    BudgetLimits, BudgetLine, BudgetReport, FrameRing, LineVerdict, Stage, budget_lines, frames_csv, timeline_svg,
-    to_junit,
+    BudgetLimits, BudgetLine, BudgetReport, FrameRing, LineVerdict, Stage, answer_lines, budget_lines, frames_csv,
+    timeline_svg, to_junit,
 };
 use frames::sink::replace_own_file;
 use plan::exposure::{Degradation, ExposurePlan};
@@ -23,7 +23,8 @@ use testbed::flight_computer::FlightComputer;
 pub(super) fn budget_report(finished: &Finished, load_threads: usize) -> Result<BudgetReport> {
     let record = &finished.end.record;
     let limits = limits(finished.bench(), finished.engine());
-    let lines = budget_lines(&limits, &record.stages, &record.ring);
+    let mut lines = budget_lines(&limits, &record.stages, &record.ring);
+    lines.extend(answer_lines(&finished.end.answers));
     let summary = finished.summary(ClockKind::Real);
     let render_limit_ms = limits.stage_p99_ms[Stage::Render as usize].unwrap_or(0.0);
     let advice = advice(finished, &lines, render_limit_ms)?;

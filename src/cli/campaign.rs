@@ -1,5 +1,6 @@
 //! `starloop campaign`: many simulated hours of random faults, checked throughout.
 
+use crate::cli::junit::{self, Case, Outcome};
 use crate::cli::{EXIT_DONE, EXIT_NOT_MET, report_json::print_json};
 use anyhow::{Context, Result, bail};
 use base::clock::Stopwatch;
@@ -31,6 +32,9 @@ pub struct CampaignArgs {
     /// Write one line of JSON per episode here (a new file); of one that failed: seed and error
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    /// Write each invariant of each episode as JUnit XML
+    #[arg(long, value_name = "FILE.xml")]
+    junit: Option<PathBuf>,
     /// Print the report as one line of JSON
     #[arg(long)]
     json: bool,
@@ -90,8 +94,25 @@ pub fn run(arguments: &CampaignArgs) -> Result<u8> {
         seeds.first().copied().unwrap_or(0),
         seeds.last().copied().unwrap_or(0)
     );
+    // A file that cannot be written is known before the hours of flight, not after them.
+    arguments.junit.iter().try_for_each(|path| junit::save(path, &to_junit(&scenario.name, &[], 0.0)))?;
     let results = fly(&scenario, &seeds, arguments)?;
-    report(&results, episode_s, arguments)
+    let document = to_junit(&scenario.name, &results.0, results.1);
+    let saved = arguments.junit.iter().try_for_each(|path| junit::save(path, &document));
+    let status = report(&results, episode_s, arguments)?;
+    saved.map(|()| status)
+}
+
+/// Returns the JUnit document: a test case for each invariant of each episode, and an error for one that gave no results.
+fn to_junit(name: &str, results: &[Flown], wall_s: f64) -> String {
+    let cases = |(seed, flown): &Flown| {
+        let class = format!("seed {seed}");
+        match flown {
+            Ok(episode) => episode.invariants.iter().map(|one| Case::of_invariant(&class, one)).collect(),
+            Err(error) => vec![Case { class, name: "flown".into(), outcome: Outcome::Error(error.to_string()) }],
+        }
+    };
+    junit::document(name, Some(wall_s), &results.iter().flat_map(cases).collect::<Vec<_>>())
 }
 
 /// Seeds of the episodes of one part.
@@ -234,6 +255,7 @@ mod tests {
             seed: 7,
             shard: WHOLE,
             out: Some(folder.path().join("a.jsonl")),
+            junit: None,
             json: false,
         };
         // A pixel of the detector that binned images do not have: known only when the loop is made.
@@ -243,6 +265,10 @@ mod tests {
         let document = Document::built_in(BUILT_IN_SCENARIO).unwrap().with_settings(settings);
         let (flown, _) = fly(&Scenario::from_document(&document).unwrap(), &[7], &arguments).unwrap();
         assert!(flown[0].1.is_err());
+        let document = to_junit("a", &flown, 1.0);
+        assert!(
+            document.contains("tests=\"1\" failures=\"0\" errors=\"1\"") && document.contains("classname=\"seed 7\"")
+        );
         let lines = std::fs::read_to_string(folder.path().join("a.jsonl")).unwrap();
         let line: serde_json::Value = serde_json::from_str(lines.trim()).unwrap();
         assert_eq!(line["seed"], 7);

@@ -13,13 +13,14 @@ use base::time::{Span, Tai};
 use clap::Args;
 use config::{Bench, Document, Plant, Scenario, StartTime};
 use core::fmt::Write as _;
-use fmu::archive::write_unit;
+use fmu::{archive::write_unit, description::FmiVersion, worker::serve};
 use frames::sink::{frame_log::path_in, truth::read_truth};
 use frames::sink::{write_file_atomically, write_new_file};
 use histories::write::{AttitudeFormat, Header, OrbitFormat};
 use histories::{AttitudeHistory, AttitudeState, Centre, OrbitHistory, OrbitState, read, write};
 use run::wiring::{bench_parts, sinks::directory_of_head};
 use sky::orbit::CentralBody;
+use std::os::{fd::AsFd, unix::net::UnixStream};
 use std::path::{Path, PathBuf};
 use std::{io, io::Write};
 use testbed::flight_computer::FlightComputer;
@@ -376,17 +377,16 @@ fn rising_rows(text: &str) -> (String, usize) {
     (kept, left_out)
 }
 
-// `starloop fmu`: a run file as an FMI 3.0 co-simulation unit, for simulators that import such units.
-
-/// File name of the library, as Cargo builds it.
-const LIBRARY: &str = "libstarloop_fmu_library.so";
+// `starloop fmu`: a run file as a co-simulation unit, for simulators that import such units.
 
 /// Command line of `fmu`.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Inputs: attitude, rate, acceleration, jitter, position and velocity, triggers. Outputs: frames, true attitude, star tracker.\n\
-Frames and tables go to the folder that the parameter output_dir names, through the sinks of the run file.\n\n\
-Examples:\n  cargo build --release -p starloop_fmu_library\n  starloop fmu configs/benches/loopback.toml --out bench.fmu\n  \
+Frames and tables go to the folder that the parameter output_dir names, through the sinks of the run file. The unit contains\n\
+this program, and needs nothing else where it is used.\n\n\
+Examples:\n  starloop fmu configs/benches/loopback.toml --out bench.fmu\n  \
+starloop fmu configs/benches/loopback.toml --fmi 2 --out bench.fmu\n  \
 fmpy validate bench.fmu\n  fmpy simulate bench.fmu --interface-type CoSimulation --stop-time 1")]
 pub struct FmuArgs {
     /// Bench file (TOML); without one: the built-in loopback bench
@@ -394,49 +394,54 @@ pub struct FmuArgs {
     /// Unit to write; without it: the name of the bench with the ending .fmu, in this folder
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Library that goes into the unit; without it: libstarloop_fmu_library.so beside this program or in
-    /// ../lib/starloop
-    #[arg(long, value_name = "FILE")]
-    library: Option<PathBuf>,
+    /// Version of FMI: 3.0 has arrays, 2.0 has a variable for each number, for tools that import no FMI 3
+    #[arg(long, value_name = "2|3", default_value_t = 3, value_parser = clap::value_parser!(u8).range(2..=3))]
+    fmi: u8,
+    /// Started by the library of a unit: resources and token; standard input is a socket
+    #[arg(long, hide = true, num_args = 2, value_names = ["RESOURCES", "TOKEN"], exclusive = true)]
+    worker: Option<Vec<String>>,
 }
 
 /// Runs the command.
 ///
 /// # Errors
-/// When the run file is refused, the library is missing, or the unit cannot be written.
+/// When the run file is refused, this program cannot be read, or the unit cannot be written.
 pub fn run_fmu(arguments: &FmuArgs) -> Result<()> {
+    if let Some(words) = &arguments.worker {
+        return serve_unit(words);
+    }
+    let version = if arguments.fmi == 2 { FmiVersion::Two } else { FmiVersion::Three };
     let document = match &arguments.bench {
         Some(path) => Document::open(path)?,
         None => Bench::built_in_document()?,
     };
-    let library = match &arguments.library {
-        Some(path) => path.clone(),
-        None => library_beside_program()?,
-    };
     let stem = document.name();
     let stem = Path::new(&stem).file_stem().context("a run file without a name")?;
     let out = arguments.out.clone().unwrap_or_else(|| Path::new(stem).with_extension("fmu"));
-    let bytes = write_unit(&document, &library, &out)?;
-    println!("{}: {:.1} MB, FMI 3.0 co-simulation; check it with `fmpy validate`", out.display(), bytes as f64 * 1e-6);
+    let bytes = write_unit(&document, version, &out)?;
+    let (name, megabytes) = (version.name(), bytes as f64 * 1e-6);
+    println!("{}: {megabytes:.1} MB, FMI {name} co-simulation; check it with `fmpy validate`", out.display());
+    print_jitter(&Scenario::from_document(&document)?.bench);
     Ok(())
 }
 
-/// Returns where the library is, looked for near this program.
-fn library_beside_program() -> Result<PathBuf> {
-    let program = std::env::current_exe().context("the place of this program")?;
-    let folder = program.parent().context("the folder of this program")?;
-    // Installed, built by itself, or built with the tests.
-    let places = ["", "../lib/starloop", "deps"].map(|place| folder.join(place).join(LIBRARY));
-    let found = places.iter().find(|place| place.is_file());
-    match found {
-        Some(place) => Ok(place.clone()),
-        None => bail!(
-            "{LIBRARY}: not found in {} or {}; build it with `cargo build --release -p starloop_fmu_library`, or name it \
-             with --library",
-            folder.display(),
-            folder.join("../lib/starloop").display()
-        ),
+/// Prints what becomes of the jitter of a bench in a unit, where it has some.
+fn print_jitter(bench: &Bench) {
+    let lines = bench.flight_computer.jitter_lines.len();
+    if lines > 0 {
+        println!("jitter lines of the simulated flight computer: {lines} left out; the input jitter takes their place");
     }
+    if let Some(input) = &bench.jitter {
+        println!("{} of [jitter] is added to every frame", input.path);
+    }
+}
+
+/// Is one instance of a unit, for the library that started this program with a socket as its standard input.
+fn serve_unit(words: &[String]) -> Result<()> {
+    let [resources, token] = words else { bail!("--worker: wanted resources and token") };
+    let socket = io::stdin().as_fd().try_clone_to_owned().context("--worker: standard input")?;
+    serve(&mut UnixStream::from(socket), Path::new(resources), token)
+        .context("--worker: wanted the library of a unit at the other end of standard input")
 }
 
 #[cfg(test)]

@@ -10,6 +10,7 @@ use clap::{Args, Command, FromArgMatches, error::ErrorKind};
 use core::sync::atomic::{AtomicUsize, Ordering};
 use performance::case_folder::{PLAN, PlanFile};
 use performance::fly::{Flight, Flown};
+use performance::images::ImageForm;
 use performance::plan::{Plan, PlanCase, Source};
 use performance::{metric::refuse_all, requirements::Requirements};
 use rayon::prelude::*;
@@ -41,6 +42,10 @@ pub struct FlyArgs {
     /// Keep the images that a program under test was given
     #[arg(long)]
     keep_images: bool,
+    /// Images that a program under test gets beside FITS: png16 (the DN), or png8 on a linear scale, which is printed and
+    /// in the report: DN of grey 0 and of one grey; those of the camera's noise when left out
+    #[arg(long, value_name = "png16|png8|png8:BLACK,STEP")]
+    images: Option<ImageForm>,
     /// Write the report as PDF too, through Chromium
     #[arg(long)]
     pdf: bool,
@@ -69,6 +74,10 @@ pub fn run(arguments: &FlyArgs) -> Result<u8> {
     let folder = arguments.plan.parent().map(Path::to_path_buf).unwrap_or_default();
     let mut flight = Flight::new(&plan, &folder, out)?;
     flight.keeps_images = arguments.keep_images;
+    arguments.images.map_or(Ok(()), |form| flight.give_images(form))?;
+    if let Some(form) = flight.images.filter(|_| !arguments.quiet) {
+        eprintln!("images: {form}");
+    }
     let requirements = sound((&plan, errors), &flight, &folder, &|case| is_wanted(arguments, case))
         .with_context(|| arguments.plan.display().to_string())?;
     std::fs::create_dir_all(out).with_context(|| out.display().to_string())?;
@@ -206,8 +215,10 @@ fn plan_file(plan: &Plan, flight: &Flight<'_>, flown: &[Flown]) -> PlanFile {
         false_directional_arcsec: settings.false_limit.directional_arcsec,
         false_rotational_arcsec: settings.false_limit.rotational_arcsec,
         exclusion_noise_arcsec: settings.exclusion_noise_arcsec,
+        images: flight.images.map(|form| form.to_string()),
         cases: flown.iter().map(|flown| flown.folder.clone()).collect(),
         document: plan.document.clone(),
+        log: plan.tracker.log_form(),
     }
 }
 

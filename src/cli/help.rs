@@ -129,6 +129,7 @@ const EXAMPLES: &[(&str, &[&str])] = &[
         &[
             "report out/run --tracker tracker.csv",
             "report out/run --tracker tracker.aem --requirements requirements.toml --pdf",
+            "report out/flown --find-axes",
         ],
     ),
     ("display", &["display monitors", "display show plan/pattern_01.png --monitor 1"]),
@@ -188,7 +189,13 @@ const EXAMPLES: &[(&str, &[&str])] = &[
         ],
     ),
     ("catalog synthesize", &["catalog synthesize --out sky --mag 9 --layers 6"]),
-    ("catalog export", &["catalog export sky/g10.starlayer sky/g14.starlayer --hats my_catalog"]),
+    (
+        "catalog export",
+        &[
+            "catalog export --for tetra3 --out hip_main.dat",
+            "catalog export sky/g10.starlayer sky/g14.starlayer --hats my_catalog",
+        ],
+    ),
     ("catalog verify", &["catalog verify sky/g10.starlayer sky/g14.starlayer"]),
     ("catalog info", &["catalog info", "catalog info sky/g10.starlayer"]),
     ("catalog map", &["catalog map --out sky.png", "catalog map sky/g10.starlayer --galactic --out sky.png"]),

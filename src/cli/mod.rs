@@ -24,6 +24,7 @@ pub mod export;
 pub mod fly;
 mod frame_plan;
 pub mod help;
+mod junit;
 pub mod keys;
 mod lines;
 pub mod link_check;
@@ -126,7 +127,7 @@ enum Command {
     Report(report::ReportArgs),
     /// Write attitudes, the observer's orbit and places of stars as AEM, OEM, STK files, CSV
     Export(export::ExportArgs),
-    /// Write a bench as an FMI 3.0 co-simulation unit, for simulators that import such units
+    /// Write a bench as an FMI 3.0 or 2.0 co-simulation unit, for simulators that import such units
     Fmu(export::FmuArgs),
     /// Print every key of the configuration files with unit, range, default and meaning, as Markdown
     Keys(keys::KeysArgs),

@@ -4,6 +4,7 @@
 //! recorded frames with `--out`, and an exit status for scripts: 4 when an image differs, 1 for a capture that does not
 //! hold what its end record states.
 
+use crate::cli::junit::{self, Case, Outcome};
 use crate::cli::{EXIT_DONE, EXIT_NOT_MET, report_json::print_json, terminal::plain_text};
 use anyhow::{Result, bail};
 use clap::Args;
@@ -41,6 +42,9 @@ pub struct ReplayArgs {
     /// Draw and compare this head only, counted from 0
     #[arg(long, value_name = "N")]
     head: Option<usize>,
+    /// Write the comparison of each head as JUnit XML
+    #[arg(long, value_name = "FILE.xml")]
+    junit: Option<PathBuf>,
     /// Print the report as one line of JSON
     #[arg(long)]
     json: bool,
@@ -100,8 +104,36 @@ pub fn run(arguments: &ReplayArgs) -> Result<u8> {
     } else {
         announce(&outcome, is_session);
     }
+    arguments.junit.iter().try_for_each(|path| junit::save(path, &to_junit(&outcome, is_session)))?;
     let is_whole = outcome.compared() > 0 && outcome.uncompared() == 0 && outcome.differing() == 0;
     Ok(if is_session && !is_whole { EXIT_NOT_MET } else { EXIT_DONE })
+}
+
+/// Returns the JUnit document: for each head a test case for the bits, and one for frames that could not be compared.
+fn to_junit(outcome: &ReplayOutcome, is_session: bool) -> String {
+    let cases = |head: &HeadOutcome| {
+        let HeadOutcome { compared, uncompared, differing, .. } = head;
+        let class = format!("head {}", head.head);
+        let mut bits = Case::new(
+            &class,
+            "frames are bit-identical",
+            (*differing > 0).then(|| {
+                let first =
+                    head.first.map_or_else(String::new, |first| format!("; the first is frame {}", first.frame));
+                format!("{differing} of {compared} differ{first}")
+            }),
+        );
+        let left = (*uncompared > 0).then(|| format!("{uncompared} could not be compared"));
+        let mut all = Case::new(&class, "every frame is compared", left);
+        let skipped = || Outcome::Skipped("a capture of a bus has no frames to compare with".into());
+        if !is_session {
+            (bits.outcome, all.outcome) = (skipped(), skipped());
+        } else if *compared == 0 {
+            all.outcome = Outcome::Error("no frame could be compared".into());
+        }
+        [bits, all]
+    };
+    junit::document("replay", None, &outcome.heads.iter().flat_map(cases).collect::<Vec<_>>())
 }
 
 /// Returns the recorder of a head's frames, when they are to be recorded.
@@ -169,5 +201,31 @@ fn announce(outcome: &ReplayOutcome, is_session: bool) {
             first.wanted,
             first.got
         );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn junit_has_the_bits_of_each_head_and_what_was_not_compared() {
+        let head = |head, compared, differing, uncompared| HeadOutcome {
+            head,
+            compared,
+            differing,
+            uncompared,
+            ..HeadOutcome::default()
+        };
+        let text = |heads: Vec<HeadOutcome>, is_session| {
+            to_junit(&ReplayOutcome { heads, ..ReplayOutcome::default() }, is_session)
+        };
+        let good = text(vec![head(0, 9, 0, 0), head(1, 9, 0, 0)], true);
+        assert!(good.contains("tests=\"4\" failures=\"0\" errors=\"0\" skipped=\"0\""), "control: {good}");
+        let bad = text(vec![head(0, 9, 2, 0), head(1, 9, 0, 3)], true);
+        assert!(bad.contains("failures=\"2\"") && bad.contains("2 of 9 differ"), "{bad}");
+        assert!(bad.contains("3 could not be compared"), "{bad}");
+        assert!(text(vec![head(0, 0, 0, 0)], true).contains("errors=\"1\""), "nothing compared is an error");
+        assert!(text(vec![head(0, 0, 0, 0)], false).contains("skipped=\"2\""), "a capture of a bus");
     }
 }

@@ -10,7 +10,12 @@ use performance::case_folder::{CASE, LOG, PLAN, PlanFile, read_case};
 use performance::metric::{Settings, check_share};
 use performance::provenance::{FileHash, Paperwork, Provenance};
 use performance::report::{MOST_HTML_BYTES, Report, to_html, to_junit};
-use performance::{record::Case, requirements::Requirements};
+use performance::{
+    find_axes::find_axes,
+    log_form::{Axes, LogForm, Roll},
+    record::Case,
+    requirements::Requirements,
+};
 use run::wiring::sinks::directory_of_head;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -32,6 +37,17 @@ pub struct ReportArgs {
     /// tracker_log.csv in the folder]
     #[arg(long, value_name = "LOG")]
     tracker: Option<PathBuf>,
+    /// Convention of the roll in the log, by the program that has it: lost, tetra3, astrometry, ... [default: as the log or
+    /// the plan states it]
+    #[arg(long, value_name = "CONVENTION", value_parser = str::parse::<Roll>)]
+    roll: Option<Roll>,
+    /// Tracker's axes along image right, image down and the boresight, such as "-y -z x"; or "w x y z", the quaternion from
+    /// its axes to the sensor's
+    #[arg(long, value_name = "AXES", value_parser = str::parse::<Axes>, allow_hyphen_values = true)]
+    axes: Option<Axes>,
+    /// Find the constant turn from the tracker's axes to the sensor's, and print the line to paste in place of a report
+    #[arg(long, conflicts_with_all = ["axes", "requirements", "json", "pdf", "out"])]
+    find_axes: bool,
     /// Requirements (TOML); without them: no false solution, and half of the attitudes acquired
     #[arg(long, value_name = "FILE")]
     requirements: Option<PathBuf>,
@@ -106,6 +122,9 @@ pub fn run(arguments: &ReportArgs) -> Result<u8> {
     let settings = &mut parts.settings;
     settings.confidence = arguments.confidence.unwrap_or(settings.confidence);
     settings.probability = arguments.probability.unwrap_or(settings.probability);
+    if arguments.find_axes {
+        return print_axes(&parts).map(|()| EXIT_DONE);
+    }
     if let Some(path) = &arguments.requirements {
         parts.requirements = read_requirements(path)?;
         let cases: Vec<_> = parts.cases.iter().map(|case| (case.name.clone(), case.purpose)).collect();
@@ -120,6 +139,41 @@ pub fn run(arguments: &ReportArgs) -> Result<u8> {
     write(&parts, &Writing { out: &out, json: arguments.json, pdf: arguments.pdf })
 }
 
+impl ReportArgs {
+    /// Returns what the command line states about the log.
+    fn log_form(&self) -> LogForm {
+        LogForm { roll: self.roll, axes: self.axes, is_unturned: self.find_axes }
+    }
+}
+
+/// Statements beside the log, for the conditions of a report.
+fn stated(form: &LogForm) -> impl Iterator<Item = (String, String)> {
+    let roll = form.roll.map(|roll| ("roll of the log".to_owned(), <&str>::from(roll).to_owned()));
+    let axes = form.axes.map(|axes| ("axes of the log".to_owned(), axes.to_string()));
+    roll.into_iter().chain(axes)
+}
+
+/// Finds and prints the turn from the tracker's axes to the sensor's.
+fn print_axes(parts: &Parts) -> Result<()> {
+    let limit = &parts.settings.false_limit;
+    let judged: Vec<_> = parts.cases.iter().map(|case| case.judged(limit)).collect();
+    let found = find_axes(&judged, limit, parts.settings.confidence)?;
+    let [x, y, z] = found.spread_arcsec.to_array();
+    println!(
+        "constant: {} of {} solutions agree; spread {x:.2}, {y:.2} arcsec about x and y, {z:.2} about the boresight (1 sigma)",
+        found.agreeing, found.solutions
+    );
+    let off = format!("the nearest map of axes, {:.1} arcsec off", found.off_map_arcsec);
+    if found.is_map {
+        println!("axes = \"{}\" # {off}: the tracker's bias stays in the report", found.map);
+        println!("axes = {} # the turn itself: it takes the bias out of the report", found.axes);
+    } else {
+        println!("axes = {} # takes the tracker's bias out of the report", found.axes);
+        println!("# {off}: \"{}\", too far to be meant", found.map);
+    }
+    Ok(())
+}
+
 /// Reads a file of requirements.
 pub(super) fn read_requirements(path: &Path) -> Result<Requirements> {
     let name = path.display().to_string();
@@ -132,7 +186,8 @@ pub(super) fn of_plan(folder: &Path, plan: &PlanFile, arguments: &ReportArgs) ->
     if arguments.tracker.is_some() {
         bail!("--tracker: got the folder of a flown plan, in which each case has its log, {LOG}; leave it out");
     }
-    parts_of_plan(folder, plan)
+    let log = arguments.log_form().or(plan.log);
+    parts_of_plan(folder, &PlanFile { log, ..plan.clone() })
 }
 
 /// Reads the cases of a flown plan.
@@ -142,7 +197,7 @@ pub(super) fn parts_of_plan(folder: &Path, plan: &PlanFile) -> Result<Parts> {
     let mut cases = Vec::new();
     for name in &plan.cases {
         let case = folder.join(name);
-        cases.push(read_case(&case, None)?);
+        cases.push(read_case(&case, None, &plan.log)?);
         files.extend(["run.toml", CASE, "frames.csv", LOG].map(|file| case.join(file)));
     }
     provenance.files = hashes(&files, folder)?;
@@ -151,12 +206,14 @@ pub(super) fn parts_of_plan(folder: &Path, plan: &PlanFile) -> Result<Parts> {
     let earlier = earlier(folder);
     let document =
         plan.document.clone().or(Paperwork { date_of_test: day_of(earlier.as_ref()), ..Paperwork::default() });
-    let conditions = vec![
+    let mut conditions = vec![
         ("plan".to_owned(), plan.name.clone()),
         ("tracker under test".into(), plan.tracker.clone()),
         ("camera".into(), plan.camera.clone()),
         ("cases".into(), plan.cases.len().to_string()),
     ];
+    conditions.extend(stated(&plan.log));
+    conditions.extend(plan.images.iter().map(|images| ("images".to_owned(), images.clone())));
     provenance.seeds = earlier.map(|earlier| earlier.seeds).unwrap_or_default();
     let title = format!("{}, {}", plan.tracker, plan.name);
     Ok(Parts { title, cases, settings: plan.settings(), requirements, conditions, document, provenance })
@@ -182,7 +239,8 @@ pub(super) fn day_of(earlier: Option<&Provenance>) -> Option<String> {
 /// Reads one recorded run.
 fn of_run(arguments: &ReportArgs) -> Result<Parts> {
     let folder = directory_of_head(&arguments.run, arguments.head);
-    let mut case = read_case(&folder, arguments.tracker.as_deref())?;
+    let form = arguments.log_form();
+    let mut case = read_case(&folder, arguments.tracker.as_deref(), &form)?;
     if case.name.starts_with("head") || case.name == "run" {
         case.name = arguments.run.file_name().map_or(case.name, |name| name.to_string_lossy().into_owned());
     }
@@ -193,6 +251,7 @@ fn of_run(arguments: &ReportArgs) -> Result<Parts> {
     provenance.files.push(provenance::file(&log)?);
     let mut conditions = conditions_of_run(&arguments.run);
     conditions.push(("tracker's log".into(), log.display().to_string()));
+    conditions.extend(stated(&form));
     let earlier = earlier(&arguments.run);
     let document = Paperwork { date_of_test: day_of(earlier.as_ref()), ..Paperwork::default() };
     if let Some(earlier) = earlier {

@@ -15,6 +15,7 @@ use crate::sink::{Sink, SinkKeys, SinkSettings};
 use crate::stages::{AccuracyKeys, AttitudeKeys, AttitudeSettings, Render, RenderKeys, check_accuracy};
 use crate::target::{Overlap, TargetKeys, TargetSettings, check_seen, check_targets};
 use crate::timing::{Timing, TimingKeys};
+use crate::tracker_in::{TrackerIn, TrackerInKeys, check_tracker_ins};
 use crate::tracker_out::{TrackerOut, TrackerOutKeys, check_tracker_outs};
 use crate::trigger_line::{TriggerLine, TriggerLineKeys, check_trigger_lines};
 use crate::{document::Document, event_word::EventKeys, expect::ExpectKeys, plain_link};
@@ -51,6 +52,8 @@ pub struct Bench {
     pub trigger_lines: Vec<TriggerLine>,
     /// Telemetry of star trackers.
     pub tracker_outs: Vec<TrackerOut>,
+    /// Star trackers outside.
+    pub tracker_ins: Vec<TrackerIn>,
     /// The conversation with the flight computer.
     pub session: SessionParams,
     /// How the sensor is mounted.
@@ -113,6 +116,8 @@ section! {
         trigger_line: Vec<TriggerLineKeys>;
         /// Telemetry of star trackers on protocols that clients speak.
         tracker_out: Vec<TrackerOutKeys>;
+        /// Star trackers outside that see frames and answer with attitudes.
+        tracker_in: Vec<TrackerInKeys>;
         /// How the conversation with the flight computer is kept.
         session: SessionKeys;
         /// How the sensor is mounted.
@@ -356,6 +361,7 @@ impl Bench {
             extra_links,
             trigger_lines,
             tracker_outs: Vec::new(),
+            tracker_ins: Vec::new(),
             session,
             sensor_from_body,
             extra_heads: Vec::new(),
@@ -375,6 +381,7 @@ impl Bench {
         };
         let mut bench =
             bench.with_heads(&keys.head, &keys.extra_head, keys.mounting.sensor_from_body().is_given(), &mut check)?;
+        bench.tracker_ins = check_tracker_ins(&keys.tracker_in, &bench, &mut check)?;
         bench.tracker_outs = check_tracker_outs(&keys.tracker_out, &bench, &mut check)?;
         check_sinks_of_heads(&bench.sinks, &bench.extra_heads, &check)?;
         bench.defaulted = check.defaulted;

@@ -26,6 +26,7 @@ const BUILT_IN: &[(&str, &str)] = &[
     ("benches/three_heads.toml", include_str!("../../configs/benches/three_heads.toml")),
     ("benches/earth_limb.toml", include_str!("../../configs/benches/earth_limb.toml")),
     ("benches/moon.toml", include_str!("../../configs/benches/moon.toml")),
+    ("benches/tracker_in.toml", include_str!("../../configs/benches/tracker_in.toml")),
     ("benches/tracker_out.toml", include_str!("../../configs/benches/tracker_out.toml")),
     ("benches/telescope.toml", include_str!("../../configs/benches/telescope.toml")),
     ("benches/target_crossing.toml", include_str!("../../configs/benches/target_crossing.toml")),

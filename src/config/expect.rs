@@ -89,6 +89,10 @@ section! {
         links_lost_at_most: Whole = Optional, COUNT;
         /// Most times that packets are lost on a link, in a full queue or unsent.
         packets_lost_at_most: Whole = Optional, COUNT;
+        /// Most answers of star trackers outside that come after their late_after_ms.
+        late_answers_at_most: Whole = Optional, COUNT;
+        /// Most frames that star trackers outside do not answer.
+        missing_answers_at_most: Whole = Optional, COUNT;
         /// Fewest triggers that are fired.
         triggers_at_least: Whole = Optional, COUNT;
     }
@@ -123,6 +127,8 @@ impl ExpectFrames {
                 links_lost: keys.links_lost_at_most().optional(check)?,
                 packets_lost: keys.packets_lost_at_most().optional(check)?,
                 jitter_missing: keys.jitter_missing_frames_at_most().optional(check)?,
+                answers_late: keys.late_answers_at_most().optional(check)?,
+                answers_missing: keys.missing_answers_at_most().optional(check)?,
             },
             triggers_at_least: keys.triggers_at_least().optional(check)?,
         })

@@ -60,6 +60,7 @@ mod target;
 mod target_orbit;
 mod test_plan_keys;
 mod timing;
+mod tracker_in;
 mod tracker_out;
 mod trigger_line;
 
@@ -98,6 +99,7 @@ pub use spacecraft::{Control, Spacecraft};
 pub use stages::{AttitudeSettings, Backend, Render};
 pub use target::{Overlap, TargetCourse, TargetLight, TargetSettings};
 pub use timing::{DeadlinePolicy, Degrade, StartTime, Timing};
+pub use tracker_in::{AnswerLine, TrackerIn};
 pub use tracker_out::{TrackerLine, TrackerOut, TrackerOutFault, TrackerOutFaultKind, TrackerProtocol, TrackerSource};
 pub use trigger_line::TriggerLine;
 

@@ -72,7 +72,7 @@ impl Kernels<'_> {
         let files = texts.iter().zip(&contents).map(|(file, bytes)| KernelFile { file, bytes }).collect::<Vec<_>>();
         let naif_id = self.naif_id.optional(check)?;
         reader(KernelFile { file: &path, bytes: &bytes }, &files, naif_id).map_err(|error| {
-            let advice = "src/guide/files_in_and_out.md says which kernels are read, and what goes with them";
+            let advice = "src/guide/spice_kernels.md says which kernels are read, and what goes with them";
             let key = if error.file == path { self.file.key() } else { self.texts.key() };
             check.invalid(&key, error, "a kernel that can be read", advice)
         })

@@ -71,6 +71,14 @@ section! {
         /// A program and its arguments, with source = "program": {frames} is the folder of images, {camera} the camera
         /// file, {log} the log that it writes.
         command: Raw<Vec<String>> = Optional, Shape::list(Shape::Text("word"));
+        /// Convention of the roll in the log of a program outside, by its own word or by a program that has it.
+        roll: Word<()> = Optional, [
+            ("up", ()), ("starloop", ()), ("lost", ()), ("north", ()), ("tetra3", ()), ("cedar-solve", ()), ("down", ()),
+            ("astrometry", ()), ("openstartracker", ()), ("tetra3rs", ()),
+        ];
+        /// Axes of a program outside along image right, image down and the boresight, such as "-y -z x"; or the quaternion
+        /// w, x, y, z from its axes to the sensor's.
+        axes: Raw<toml::Value> = Optional, Shape::either(Shape::Text("axis map"), Shape::numbers(4));
         /// Figures of the statistical tracker, with source = "model".
         model: Raw<toml::Table> = Optional, Shape::Table("the keys of [tracker_out.model], and earth_exclusion_deg");
     }

@@ -4,14 +4,20 @@
 //! `sigma_arcsec`, `stars`, `mode`, `valid`. A client may send objects, one to a line or datagram: `{"command":
 //! "ping"}`, `"operate"`, `"standby"`, `"reset"`, and `{"command": "exposure", "exposure_ms": 40}`; each is answered by
 //! an object with `reply`, `ok` and, where it is refused, `error`.
+//!
+//! The other direction, [`JsonReader`]: an object with `q_wxyz` (`null`: no attitude) is an answer to the frame that it
+//! names by `frame`, by `tai_ns` (middle of the exposure), or both; `stars` and all other keys may be there.
 
 use crate::device::Continuity;
+use crate::reading::{Measured, Reader, unit};
 use crate::{Answered, Device, Limits, Mode, Order, Report, Sense, Wire};
 use base::{time::Tai, units::ARCSEC};
 use serde_json::{Value, json};
 
 /// Longest command, bytes.
 pub const LINE_MAX: usize = 512;
+/// Longest report that is read, bytes.
+const REPORT_MAX: usize = 4096;
 
 /// A tracker that speaks JSON.
 #[derive(Debug)]
@@ -148,6 +154,79 @@ impl Device for JsonDevice {
     }
 }
 
+/// Reads reports, one object to a line.
+#[derive(Debug, Default)]
+pub struct JsonReader {
+    sense: Sense,
+    line: Vec<u8>,
+    skips: bool,
+    damaged: u64,
+}
+
+impl JsonReader {
+    /// Returns a reader of quaternions of this sense.
+    pub fn new(sense: Sense) -> Self {
+        Self { sense, ..Self::default() }
+    }
+
+    /// Returns what a line says; `None` of one without an attitude, such as the reply to a command.
+    fn measured(&self, line: &[u8], at: Tai) -> Option<Result<Measured, ()>> {
+        let Ok(Value::Object(object)) = serde_json::from_slice::<Value>(line) else { return Some(Err(())) };
+        let q = object.get("q_wxyz")?;
+        let given = |key: &str| object.get(key).filter(|value| !value.is_null());
+        let read = || {
+            let q: Option<[f64; 4]> = serde_json::from_value(q.clone()).ok()?;
+            let is_valid = given("valid") != Some(&Value::Bool(false));
+            let attitude_wxyz = match q.filter(|_| is_valid) {
+                Some(q) => Some(self.sense.of(unit(q)?)),
+                None => None,
+            };
+            let frame = given("frame").map(|frame| u32::try_from(frame.as_u64()?).ok());
+            let stars = given("stars").map(|stars| u16::try_from(stars.as_u64()?).ok());
+            let tai_ns = given("tai_ns").map(Value::as_i64);
+            let (frame, time_tag, stars) = (all(frame)?, all(tai_ns)?.map(Tai::from_ns), all(stars)?);
+            Some(Measured { at, time_tag, frame, attitude_wxyz, stars })
+        };
+        Some(read().ok_or(()))
+    }
+}
+
+/// Returns a value that may be left out; `None` of one that is there and cannot be read.
+fn all<T>(value: Option<Option<T>>) -> Option<Option<T>> {
+    value.map_or(Some(None), |value| value.map(Some))
+}
+
+impl Reader for JsonReader {
+    fn take(&mut self, wire: &Wire, at: Tai, out: &mut Vec<Measured>) {
+        let Wire::Bytes(bytes) = wire else { return };
+        for byte in bytes {
+            match byte {
+                b'\n' | b'\r' => {
+                    let line = core::mem::take(&mut self.line);
+                    if core::mem::take(&mut self.skips) || line.iter().all(u8::is_ascii_whitespace) {
+                        continue;
+                    }
+                    match self.measured(&line, at) {
+                        Some(Ok(measured)) => out.push(measured),
+                        Some(Err(())) => self.damaged += 1,
+                        None => {}
+                    }
+                }
+                _ if self.skips => {}
+                _ if self.line.len() >= REPORT_MAX => {
+                    (self.skips, self.damaged) = (true, self.damaged + 1);
+                    self.line.clear();
+                }
+                _ => self.line.push(*byte),
+            }
+        }
+    }
+
+    fn damaged(&self) -> u64 {
+        self.damaged
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -191,6 +270,26 @@ mod tests {
         assert_eq!(oks, [true, true, true, false, false, false]);
         assert!(replies[3]["error"].as_str().unwrap().contains("1 to 80"), "{}", replies[3]);
         assert_eq!(device.answered(), Answered { commands: 3, refused: 3 });
+    }
+
+    #[test]
+    fn an_answer_names_its_frame_by_number_or_time_and_a_bad_one_is_counted() {
+        let at = report().time_tag;
+        let read = |text: &str| {
+            let (mut reader, mut out) = (JsonReader::default(), Vec::new());
+            reader.take(&Wire::Bytes(format!("{text}\n").into_bytes()), at, &mut out);
+            (out.first().copied(), reader.damaged())
+        };
+        let whole = read(r#"{"frame": 7, "tai_ns": 99, "q_wxyz": [0.6, 0, 0.8, 0], "stars": 9}"#).0.unwrap();
+        assert_eq!((whole.frame, whole.time_tag, whole.stars), (Some(7), Some(Tai::from_ns(99)), Some(9)));
+        assert_eq!(whole.attitude_wxyz, Some([0.6, 0.0, 0.8, 0.0]));
+        for lost in [r#"{"frame": 7, "q_wxyz": null}"#, r#"{"frame": 7, "valid": false, "q_wxyz": [1, 0, 0, 0]}"#] {
+            assert_eq!(read(lost).0.map(|measured| measured.attitude_wxyz), Some(None), "{lost}");
+        }
+        for bad in ["{", r#"{"q_wxyz": [1, 1, 0, 0]}"#, r#"{"q_wxyz": [1, 0]}"#, r#"{"frame": -1, "q_wxyz": null}"#] {
+            assert_eq!(read(bad), (None, 1), "{bad}");
+        }
+        assert_eq!(read(r#"{"reply": "ping"}"#), (None, 0), "control: passed over");
     }
 
     #[test]

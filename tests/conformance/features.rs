@@ -38,7 +38,7 @@ fn messages_about_a_missing_feature_have_the_line_that_installs_it() {
 
 #[test]
 fn every_feature_has_a_row_and_full_has_them_all() {
-    let page = std::fs::read_to_string(root().join("src/guide/command_line.md")).unwrap();
+    let page = std::fs::read_to_string(root().join("src/guide/installing.md")).unwrap();
     let features = features();
     let named = |name: &&str| !matches!(*name, "default" | "full");
     let names: BTreeSet<_> = features.iter().map(|(name, _)| name.as_str()).filter(named).collect();

@@ -15,6 +15,7 @@ mod file_circles;
 mod file_length;
 mod frames_document;
 mod pages;
+mod print;
 mod quoted_messages;
 mod source;
 mod test_lists;

@@ -6,6 +6,12 @@ use std::path::{Path, PathBuf};
 /// Most bytes of the first page.
 const FIRST_PAGE_BYTES_MAX: usize = 8192;
 
+/// Most bytes of a page of the guide.
+const PAGE_BYTES_MAX: usize = 10_000;
+
+/// Pages that are longer, with the reason.
+const LONGER: [(&str, &str); 1] = [("src/guide/keys.md", "is what one command prints, to be searched and not read")];
+
 /// The page of the guide that is the list of its book.
 pub(crate) const SUMMARY: &str = "SUMMARY.md";
 
@@ -73,6 +79,20 @@ fn leads_somewhere(from: &Path, target: &str) -> bool {
 fn the_first_page_is_short() {
     let first = &pages()[0];
     assert!(first.text.len() <= FIRST_PAGE_BYTES_MAX, "{} has {} bytes", first.path, first.text.len());
+}
+
+/// Returns the pages of the guide that are too long.
+fn long_pages(pages: &[Page]) -> Vec<String> {
+    let is_long = |page: &&Page| page.path.starts_with("src/guide/") && page.text.len() > PAGE_BYTES_MAX;
+    pages.iter().filter(is_long).map(|page| page.path.clone()).collect()
+}
+
+#[test]
+fn the_pages_of_the_guide_are_short() {
+    let allowed: Vec<_> = LONGER.iter().map(|(path, _)| (*path).to_owned()).collect();
+    assert_eq!(long_pages(&pages()), allowed, "split or shorten a page of more than {PAGE_BYTES_MAX} bytes");
+    let page = |bytes| Page { path: "src/guide/a.md".into(), text: "a".repeat(bytes) };
+    assert_eq!(long_pages(&[page(PAGE_BYTES_MAX), page(PAGE_BYTES_MAX + 1)]).len(), 1, "control");
 }
 
 #[test]

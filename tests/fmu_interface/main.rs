@@ -6,7 +6,9 @@
 
 use core::ffi::{CStr, c_char, c_void};
 use core::ptr::{null, null_mut};
-use starloop_fmu_library::{calls::*, denied::*, instance::Status, values::*};
+use fmu::variables::reference;
+use fmu_library::fmi3::{calls::*, denied::*};
+use fmu_library::{fmi2::*, protocol::Status};
 use std::{ffi::CString, path::Path};
 
 /// Keeps what is logged in the strings behind the environment.
@@ -32,6 +34,7 @@ fn resources() -> (tempfile::TempDir, String) {
     let document = config::Document::open(&folder.path().join("bench.toml")).unwrap();
     let text = serde_json::to_string_pretty(&document.pack().unwrap()).unwrap();
     std::fs::write(folder.path().join(fmu::archive::RUN_FILE), &text).unwrap();
+    std::os::unix::fs::symlink(env!("CARGO_BIN_EXE_starloop"), folder.path().join("starloop")).unwrap();
     let token = fmu::archive::token(&text, 1);
     (folder, token)
 }
@@ -41,9 +44,10 @@ const BENCH: &str = "camera = \"camera.toml\"\n[timing]\nframe_rate_hz = 10\ndur
                      start_utc = \"2026-03-01T12:00:00Z\"\n[link]\nkind = \"simulated\"\nwire = \"can_fd\"\n";
 
 #[test]
-fn the_version_is_three() {
+fn each_interface_has_its_version() {
     // SAFETY: a text that ends with a zero, as the standard promises.
-    assert_eq!(unsafe { CStr::from_ptr(fmi3GetVersion()) }, c"3.0");
+    let said = |text| unsafe { CStr::from_ptr(text) };
+    assert_eq!((said(fmi3GetVersion()), said(fmi2GetVersion())), (c"3.0", c"2.0"));
 }
 
 #[test]
@@ -53,8 +57,9 @@ fn null_is_refused_everywhere() {
     assert_eq!(fmi3GetFloat64(none, null(), 0, null_mut(), 0), Status::Error);
     assert_eq!(fmi3GetFMUState(none, null_mut()), Status::Error);
     assert_eq!(fmi3Terminate(none), Status::Error);
-    // SAFETY: null may be freed.
-    unsafe { fmi3FreeInstance(none) };
+    fmi3FreeInstance(none);
+    assert_eq!(fmi2DoStep(none, 0.0, 0.1, 0), Status::Error);
+    assert!(fmi2Instantiate(null(), 1, null(), null(), null(), 0, 0).is_null());
     let mut said = Vec::<String>::new();
     let environment = core::ptr::from_mut(&mut said).cast();
     let log = Some(keep as _);
@@ -114,10 +119,40 @@ fn an_instance_is_set_stepped_read_and_freed() {
     assert!(said.last().unwrap().contains("fmi3GetFMUState"), "{said:?}");
     assert_eq!(fmi3Terminate(unit), Status::Ok, "{said:?}");
     assert_eq!(fmi3DoStep(unit, 0.8, 0.1, true, a, b, c, &raw mut until_s), Status::Error, "after the end");
-    // SAFETY: made above and not yet freed.
-    unsafe { fmi3FreeInstance(unit) };
+    fmi3FreeInstance(unit);
 }
 
-static OUTPUT_DIR: u32 = fmu::variables::reference::OUTPUT_DIR;
-static Q: u32 = fmu::variables::reference::Q_BODY_FROM_ICRF;
-static FRAMES: u32 = fmu::variables::reference::HEADS + fmu::variables::reference::FRAMES;
+#[test]
+fn numbers_of_fmi_2_are_elements_of_arrays() {
+    let (folder, token) = resources();
+    let (token, place) = (CString::new(token).unwrap(), format!("file://{}", folder.path().display()));
+    let place = CString::new(place).unwrap();
+    let unit = fmi2Instantiate(c"two".as_ptr(), 1, token.as_ptr(), place.as_ptr(), null(), 0, 0);
+    assert!(!unit.is_null());
+    assert_eq!(fmi2SetupExperiment(unit, 0, 0.0, 0.0, 0, 0.0), Status::Ok);
+    assert_eq!(fmi2EnterInitializationMode(unit), Status::Ok);
+    let empty = c"".as_ptr();
+    assert_eq!(fmi2SetString(unit, &raw const OUTPUT_DIR, 1, &raw const empty), Status::Ok);
+    assert_eq!(fmi2ExitInitializationMode(unit), Status::Ok);
+    let element = |number: u32| RATE + 1_000_000 * number;
+    let (rates, set, mut got) = ([1, 2, 3].map(element), [0.0, 0.001, 0.002], [9.0; 3]);
+    assert_eq!(fmi2SetReal(unit, rates.as_ptr(), 3, set.as_ptr()), Status::Ok);
+    assert_eq!(fmi2GetReal(unit, rates.as_ptr(), 3, got.as_mut_ptr()), Status::Ok);
+    assert_eq!(got, set);
+    let no_such = element(4);
+    assert_eq!(fmi2GetReal(unit, &raw const no_such, 1, got.as_mut_ptr()), Status::Error, "a fourth of three");
+    for step in 0..8 {
+        assert_eq!(fmi2DoStep(unit, 0.1 * f64::from(step), 0.1, 1), Status::Ok);
+    }
+    let mut frames = 0;
+    assert_eq!(fmi2GetInteger(unit, &raw const FRAMES, 1, &raw mut frames), Status::Ok);
+    assert!(frames > 3, "{frames}");
+    assert_eq!(fmi2GetFMUstate(unit, null_mut()), Status::Error);
+    assert_eq!(fmi2Terminate(unit), Status::Ok);
+    fmi2FreeInstance(unit);
+}
+
+static OUTPUT_DIR: u32 = reference::OUTPUT_DIR;
+static Q: u32 = reference::Q_BODY_FROM_ICRF;
+static FRAMES: u32 = reference::HEADS + reference::FRAMES;
+const RATE: u32 = reference::RATE;

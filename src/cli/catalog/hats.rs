@@ -2,6 +2,7 @@
 //!
 //! What opens Parquet files is at the end, in two forms: with the feature `hats` and without it.
 
+use crate::cli::catalog::for_trackers::{self, ForTracker};
 use crate::cli::terminal::ProgressLine;
 use anyhow::{Context, bail, ensure};
 use clap::Args;
@@ -17,19 +18,21 @@ const MAX_ROWS: usize = 1_000_000;
 /// Arguments of `starloop catalog export`.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Writes a HATS catalog (Parquet files partitioned by HEALPix), which Python's hats and LSDB open. Columns: \
+    after_help = "--hats writes a HATS catalog (Parquet files partitioned by HEALPix), which Python's hats and LSDB open. Columns: \
     _healpix_29, starloop_id, source_id, ra, dec (deg, ICRS), pmra, pmdec (mas/yr), parallax (mas), phot_g_mean_mag, bp_rp (mag); null \
     where the layer has none. starloop_id is a star's place in the layers, in the order they are named; source_id, its number in \
     its source catalog, is there when all layers have numbers.\n\nValues are those that the layers hold, in their steps. `starloop catalog import DIR` makes the same layers \
-    of it again."
+    of it again.\n\n--for writes one text file with the same stars as the frames, so that a tracker has the catalog of its sky."
 )]
 pub(crate) struct ExportArgs {
-    /// Layers of one epoch, brightest first
-    #[arg(required = true)]
+    /// Layers of one epoch, brightest first; with --for also packed catalogs, and none for the built-in one
+    #[arg(required_unless_present = "program")]
     layers: Vec<PathBuf>,
     /// Folder of the catalog, which must not be there yet; it gets its name when it is whole
-    #[arg(long, value_name = "DIR")]
-    hats: PathBuf,
+    #[arg(long, value_name = "DIR", required_unless_present = "program")]
+    hats: Option<PathBuf>,
+    #[command(flatten)]
+    tracker: ForTracker,
     /// Name of the catalog; that of the folder when left out
     #[arg(long)]
     name: Option<String>,
@@ -44,16 +47,20 @@ fn at_least_one(text: &str) -> Result<usize, String> {
 
 /// Writes layers as a catalog and prints the counts.
 pub(crate) fn export(args: &ExportArgs, out: &mut impl Write) -> anyhow::Result<()> {
-    let name = args.name.as_deref().or_else(|| args.hats.file_name()?.to_str());
-    let name = name.with_context(|| format!("{}: wanted a folder with a readable name", args.hats.display()))?;
+    if let Some(program) = args.tracker.program {
+        return for_trackers::export(&args.tracker, program, &args.layers);
+    }
+    let hats = args.hats.as_ref().context("--hats is missing; wanted a new folder, or --for PROGRAM")?;
+    let name = args.name.as_deref().or_else(|| hats.file_name()?.to_str());
+    let name = name.with_context(|| format!("{}: wanted a folder with a readable name", hats.display()))?;
     let is_name = |name: &str| !name.trim().is_empty() && !name.contains(char::is_control);
     ensure!(is_name(name), "--name: wanted one line, got {name:?}");
     let layers = args.layers.iter().map(|path| Layer::open(path)).collect::<Result<Vec<_>, _>>()?;
     let line = ProgressLine::new();
-    let mut share = |share: f64| line.show(&format!("{}: {:.0} %", args.hats.display(), 100.0 * share));
-    let written = parquet::export(&layers, &args.hats, (name, args.max_rows), &mut share)?;
+    let mut share = |share: f64| line.show(&format!("{}: {:.0} %", hats.display(), 100.0 * share));
+    let written = parquet::export(&layers, hats, (name, args.max_rows), &mut share)?;
     line.clear();
-    writeln!(out, "{}: {written}", args.hats.display())?;
+    writeln!(out, "{}: {written}", hats.display())?;
     Ok(())
 }
 

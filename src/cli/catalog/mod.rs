@@ -1,5 +1,6 @@
 //! `starloop catalog`: pack a CSV, import a published catalog into layers, show what they hold, query a cone.
 
+mod for_trackers;
 mod hats;
 mod layers;
 mod map;
@@ -46,7 +47,7 @@ enum Action {
     Import(ImportArgs),
     /// Make layers of stars that are not real, in the numbers of the real sky: for benches and deep scenes
     Synthesize(SynthesizeArgs),
-    /// Write layers as a HATS catalog: Parquet files partitioned by HEALPix (in a build with the feature hats)
+    /// Write stars as a star tracker's program reads them, or layers as a HATS catalog (with the feature hats)
     Export(ExportArgs),
     /// Read packed catalogs and layers to their end and hold every part against its checksum
     Verify(VerifyArgs),

@@ -28,7 +28,7 @@ use outputs::display::calibration::Calibration;
 use plans::Planned;
 use run::runtime::{Imager, RunParams};
 use run::wiring::memory::{RunForm, RunMemory};
-use run::wiring::{bench_parts, tracker_outs};
+use run::wiring::{bench_parts, tracker_ins, tracker_outs};
 use run::{wiring::bench_parts::motion_scale, wiring::display_parts::take_display, wiring::sinks::described_lines};
 use stars::{Sky, StarIndex};
 use std::path::PathBuf;
@@ -256,6 +256,9 @@ fn describe(
         facts.fact(place, words);
     }
     for (place, words) in tracker_outs::described_lines(&bench.tracker_outs) {
+        facts.fact(place, words);
+    }
+    for (place, words) in tracker_ins::described_lines(&bench.tracker_ins) {
         facts.fact(place, words);
     }
     facts.fact("costs", &costs.origin);

@@ -2,6 +2,7 @@
 //!
 //! How a run ends: verdict, tables, its files of results, what it lost, its exit status.
 
+use crate::cli::junit::{self, Case};
 use crate::cli::run::args::{ClockKind, RunArgs};
 use crate::cli::run::finished::{Finished, verdict_line};
 use crate::cli::run::report::{ScenarioReport, table};
@@ -9,10 +10,11 @@ use crate::cli::run::{files, page};
 use crate::cli::{EXIT_DONE, EXIT_FAILED, EXIT_INCOMPLETE, EXIT_LOST, EXIT_NOT_MET, signals};
 use crate::cli::{report_json::print_json, run::connection_hint, run::control::Client, terminal::plain_text};
 use anyhow::{Context, Result};
-use base::xml::escaped;
-use frames::report::{Losses, RunSummary, RunVerdict, RunWord, junit, short_table, summary_table};
+use frames::report::{Losses, RunSummary, RunVerdict, RunWord, short_table, summary_table};
 use frames::sink::replace_own_file;
-use run::wiring::assessment::Verdict;
+
+/// Group of a run's test cases.
+const CLASS: &str = "run";
 
 /// Results of a run, as printed and sent.
 pub(crate) struct Reports {
@@ -34,7 +36,7 @@ impl Finished {
             || !self.end.assessment.verdicts(None, &self.end.record).is_empty();
         is_judged.then(|| {
             let (end, refusals) = (&self.end, self.client.as_ref().map(Client::refusals));
-            ScenarioReport::of(&self.scenario, &end.view(), self.wall_s, refusals).ended(&end.sink_lines, &end.losses)
+            ScenarioReport::of(&self.scenario, &end.view(), self.wall_s, refusals).ended(end)
         })
     }
 
@@ -167,45 +169,14 @@ pub(crate) fn say_losses(losses: &Losses) -> bool {
     !losses.is_empty()
 }
 
-// `run --junit`: the verdict of a run as JUnit XML, which CI systems read: a test case for the verdict, each expectation, and
-// the invariants.
-
-/// Returns the document; `report` is `None` for a run without expectations, faults and a spacecraft.
-pub(crate) fn to_junit(name: &str, verdict: &RunVerdict, report: Option<&ScenarioReport>, wall_s: f64) -> String {
+/// Returns the JUnit document of `run --junit`: a test case for the verdict, each expectation and each invariant. `report` is
+/// `None` for a run without expectations, faults and a spacecraft.
+fn to_junit(name: &str, verdict: &RunVerdict, report: Option<&ScenarioReport>, wall_s: f64) -> String {
     let failure = (verdict.word != RunWord::Ok).then(|| format!("{}: {}", verdict.word, verdict.reasons_line()));
-    let mut cases = vec![("verdict".to_owned(), failure)];
+    let mut cases = vec![Case::new(CLASS, "verdict", failure)];
     if let Some(report) = report {
-        cases.extend(report.verdicts.iter().map(expectation));
-        let broken = (report.violations > 0).then(|| report.violation_lines.join("; "));
-        cases.push(("invariants".into(), broken));
+        cases.extend(report.verdicts.iter().map(|one| Case::of_expectation(CLASS, one)));
+        cases.extend(report.invariants.iter().map(|one| Case::of_invariant(CLASS, one)));
     }
-    document(name, &cases, wall_s)
-}
-
-/// Returns name and failure of an expectation.
-fn expectation(one: &Verdict) -> (String, Option<String>) {
-    let failure = (!one.passed).then(|| format!("wanted {}, got {}", one.wanted, one.got));
-    (format!("expect: {}", one.name), failure)
-}
-
-fn document(name: &str, cases: &[(String, Option<String>)], wall_s: f64) -> String {
-    let case = |(case, failure): &(String, Option<String>)| {
-        let failure = failure.as_ref().map(|failure| format!("<failure message=\"{}\"/>", escaped(failure)));
-        (format!("classname=\"run\" name=\"{}\"", escaped(case)), failure.unwrap_or_default())
-    };
-    junit::document(name, Some(wall_s), &cases.iter().map(case).collect::<Vec<_>>())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_is_not_met_is_a_failure_with_what_was_wanted() {
-        let of = |passed| Verdict { name: "fine pointing", wanted: "< 9 s".into(), got: "12 s".into(), passed };
-        let text = document("a & b", &[("verdict".into(), None), expectation(&of(false)), expectation(&of(true))], 1.0);
-        assert!(text.contains("name=\"a &amp; b\" tests=\"3\" failures=\"1\""), "{text}");
-        assert!(text.contains("<failure message=\"wanted &lt; 9 s, got 12 s\"/>"), "{text}");
-        assert_eq!(text.matches("<testcase").count(), 3, "{text}");
-    }
+    junit::document(name, Some(wall_s), &cases)
 }

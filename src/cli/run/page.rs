@@ -4,7 +4,7 @@ use crate::cli::run::finished::{Finished, verdict_line};
 use crate::cli::run::page_parts::{Recording, Sample, begun, chart_of_pointing, recording, timeline};
 use crate::cli::{budget_report::limits, provenance, run::args::ClockKind, run::files, run::report::ScenarioReport};
 use base::input_file::{DATA_BYTES, read_bytes, read_text};
-use frames::report::{BudgetLine, FrameEnd, budget_lines};
+use frames::report::{BudgetLine, FrameEnd, answer_lines, budget_lines};
 use performance::{page::Page, provenance::Provenance};
 
 /// Name of the file in the folder of a run.
@@ -138,7 +138,8 @@ fn write_timing(page: &mut Page, finished: &Finished, clock: ClockKind) {
     }
     let limits = limits(finished.bench(), finished.engine());
     let record = &finished.end.record;
-    let lines = budget_lines(&limits, &record.stages, &record.ring);
+    let mut lines = budget_lines(&limits, &record.stages, &record.ring);
+    lines.extend(answer_lines(&finished.end.answers));
     page.table(&["stage", "limit, ms", "count", "p50, ms", "p99, ms", "longest, ms", "verdict"]);
     for line in lines.iter().filter(|line| line.times.is_some_and(|times| times.count > 0) || is_real) {
         page.row(&timing_cells(line, is_real));

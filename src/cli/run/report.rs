@@ -2,10 +2,12 @@
 
 use crate::cli::lines::Lines;
 use config::Scenario;
-use frames::report::{FrameAccount, FrameCounts, Losses, Machine, RunVerdict, RunWord, SinkLine};
+use frames::report::{AnswerRow, FrameAccount, FrameCounts, Losses, Machine, RunVerdict, RunWord, SinkLine};
 use run::runtime::note_lost_reader;
 use run::wiring::assessment::{ModeLine, Verdict, WindowErrors};
-use run::wiring::{control::ControlRefusals, faults::FaultLine, run_end::LoopView};
+use run::wiring::invariants::{Invariant, InvariantLine};
+use run::wiring::run_end::{LoopView, RunEnd};
+use run::wiring::{control::ControlRefusals, faults::FaultLine};
 use serde::Serialize;
 
 /// The report of one scenario run.
@@ -80,12 +82,17 @@ pub struct ScenarioReport {
     pub violations: u64,
     /// The first of them, in words.
     pub violation_lines: Vec<String>,
+    /// Each invariant with its checks.
+    pub invariants: Vec<InvariantLine>,
     /// The verdict is `ok`.
     pub passed: bool,
     /// Counters of each sink; empty before the end.
     pub sinks: Vec<SinkLine>,
     /// Losses of a run that reached its end; empty when the exit status is 0.
     pub losses: Losses,
+    /// Answers of each star tracker outside; left out when there is none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub answers: Vec<AnswerRow>,
     /// Connections that the control socket refused, by reason; left out when there were none.
     #[serde(skip_serializing_if = "ControlRefusals::is_empty")]
     pub control_refusals: ControlRefusals,
@@ -141,16 +148,18 @@ impl ScenarioReport {
             verdicts,
             violations,
             violation_lines: lines.to_vec(),
+            invariants: assessment.invariants.results(&Invariant::OF_RUN),
             sinks: Vec::new(),
             losses,
+            answers: Vec::new(),
             control_refusals: refusals.cloned().unwrap_or_default(),
         }
     }
 
-    /// Returns the same of a run that has ended: what each sink did, and all that was lost.
+    /// Returns the same of a run that has ended: what each sink and tracker did, and all that was lost.
     #[must_use]
-    pub fn ended(self, sinks: &[SinkLine], losses: &Losses) -> Self {
-        Self { sinks: sinks.to_vec(), losses: losses.clone(), ..self }
+    pub fn ended(self, end: &RunEnd) -> Self {
+        Self { sinks: end.sink_lines.clone(), losses: end.losses.clone(), answers: end.answers.clone(), ..self }
     }
 }
 
@@ -194,6 +203,9 @@ fn write_flight(lines: &mut Lines, report: &ScenarioReport, details: bool) {
         report.frames_untagged,
         report.estimator_starts
     ));
+    for row in &report.answers {
+        lines.fact("answers", format_args!("{}: {}", row.place, row.words()));
+    }
     for (name, errors) in [("pointing", report.pointing), ("knowledge", report.knowledge)] {
         if let (Some(boresight), Some(roll), Some(largest)) =
             (errors.boresight_arcsec, errors.roll_arcsec, errors.largest_boresight_arcsec)

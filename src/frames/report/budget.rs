@@ -6,6 +6,7 @@
 
 use crate::report::frame_ring::{FrameRing, Latency};
 use crate::report::stages::{Stage, StageHistograms};
+use crate::report::summary::AnswerRow;
 use crate::report::{
     histogram::Quantiles, json_pretty, machine::Machine, summary::FrameCounts, table::joined, verdict::RunVerdict,
 };
@@ -64,6 +65,8 @@ pub struct BudgetLine {
 
 /// Name of the line of missed slots.
 pub const MISSED: &str = "missed_frames";
+/// Name of the line of a tracker's answers.
+pub const ANSWER: &str = "answer";
 /// Name of the line of latency.
 pub const LATENCY: &str = "latency";
 
@@ -93,6 +96,11 @@ impl BudgetLine {
             (None, slots) => format!("{}: {} slots, allowed {limit:.0}", self.name, slots.unwrap_or(0)),
         })
     }
+}
+
+/// Returns a line for each star tracker outside: from the middle of an exposure to its answer.
+pub fn answer_lines(answers: &[AnswerRow]) -> impl Iterator<Item = BudgetLine> + '_ {
+    answers.iter().map(|row| BudgetLine::of_times(ANSWER, Some(row.late_after_ms), row.latency, true))
 }
 
 /// Returns every line: the stages in order (except the wait), the latency, the missed slots.

@@ -32,7 +32,9 @@ pub mod timeline;
 pub mod verdict;
 
 pub use account::{FrameAccount, FrameEnd, Tally};
-pub use budget::{BudgetLimits, BudgetLine, BudgetReport, HygieneLine, LineVerdict, budget_lines, budget_table};
+pub use budget::{
+    BudgetLimits, BudgetLine, BudgetReport, HygieneLine, LineVerdict, answer_lines, budget_lines, budget_table,
+};
 pub use frame_record::{Fate, FrameRecord, MissCause, frames_csv};
 pub use frame_ring::{FrameRing, Latency};
 pub use histogram::{CountHistogram, CountSpread, Quantiles, StageHistogram};
@@ -45,7 +47,7 @@ pub use progress_numbers::{
 };
 pub use sink_line::SinkLine;
 pub use stages::{Stage, StageHistograms, StageTimes};
-pub use summary::{EventLine, FrameCounts, GatewayRow, LinkCounts, RunSummary};
+pub use summary::{AnswerRow, EventLine, FrameCounts, GatewayRow, LinkCounts, RunSummary};
 pub use table::{NEWEST_MAX, NewestEvent, NewestEvents, OF_OTHER_NODES, short_table, summary_table};
 pub use time_tally::TimeTally;
 pub use timeline::timeline_svg;

@@ -89,6 +89,68 @@ pub struct RunSummary {
     pub losses: Losses,
     /// Frames that each gateway forwarded, lost and refused.
     pub gateways: Vec<GatewayRow>,
+    /// Answers of each star tracker outside; left out when there is none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub answers: Vec<AnswerRow>,
+}
+
+/// Answers of a star tracker outside.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct AnswerRow {
+    /// Its place in the bench.
+    pub place: String,
+    /// Head whose frames it saw.
+    pub head: usize,
+    /// Protocol.
+    pub protocol: String,
+    /// Line on which it answered.
+    pub line: String,
+    /// Frames that went out.
+    pub frames: u64,
+    /// Frames that it answered.
+    pub answers: u64,
+    /// Answers with an attitude.
+    pub attitudes: u64,
+    /// Answers after [`Self::late_after_ms`].
+    pub late: u64,
+    /// Frames that it did not answer.
+    pub missing: u64,
+    /// Frames at the end of the run whose answer was not due yet.
+    pub not_judged: u64,
+    /// Answers to no frame, or to one that was answered or given up.
+    pub of_no_frame: u64,
+    /// Datagrams of others than the sender that has the line.
+    pub of_other_senders: u64,
+    /// Packets that were damaged or no report.
+    pub damaged: u64,
+    /// From the middle of an exposure to an answer that is late, ms.
+    pub late_after_ms: f64,
+    /// From the middle of the exposure to the answer.
+    pub latency: Quantiles,
+    /// From the frame, finished, to the answer: the part of the tracker, with its camera's sink and its line.
+    pub since_sent: Quantiles,
+    /// Root mean square of the attitudes' distance from those that were drawn: direction of the boresight, arcsec.
+    pub error_across_arcsec: Option<f64>,
+    /// The same about the boresight, arcsec.
+    pub error_about_arcsec: Option<f64>,
+}
+
+impl AnswerRow {
+    /// Returns it in words.
+    pub fn words(&self) -> String {
+        let Self { answers, frames, late, missing, latency, since_sent, .. } = self;
+        let error = |value: Option<f64>| value.map_or_else(|| "-".into(), |arcsec| format!("{arcsec:.3}"));
+        format!(
+            "{answers} answers to {frames} frames, {late} late, {missing} missing; after mid-exposure p50 {:.3} ms, \
+             p99 {:.3} ms, longest {:.3} ms (after the frame p50 {:.3} ms); off by {} arcsec rms across, {} about",
+            latency.p50_ms,
+            latency.p99_ms,
+            latency.max_ms,
+            since_sent.p50_ms,
+            error(self.error_across_arcsec),
+            error(self.error_about_arcsec)
+        )
+    }
 }
 
 /// Frames of a run by outcome.

@@ -26,6 +26,7 @@ pub fn summary_table(summary: &RunSummary) -> String {
     push_counts(&mut lines, summary);
     push_sinks(&mut lines, summary);
     push_gateways(&mut lines, summary);
+    lines.extend(answer_rows(summary));
     push_events(&mut lines, summary);
     push_remarks(&mut lines, summary);
     let trimmed: Vec<&str> = lines.iter().map(|line| line.trim_end()).collect();
@@ -77,6 +78,7 @@ pub fn short_table(s: &RunSummary) -> String {
     lines.extend(s.gateways.iter().filter(|row| row.dropped > 0).map(|row| {
         format!("{:<NAME_WIDTH$}dropped {} frames that its client read too slowly", row.gateway, row.dropped)
     }));
+    lines.extend(answer_rows(s));
     lines.push("(--details: every stage, counter and event)".into());
     lines.join("\n") + "\n"
 }
@@ -217,6 +219,11 @@ fn push_gateways(lines: &mut Vec<String>, s: &RunSummary) {
         lines.push(row(&gateway.gateway, &gateway.cells()));
         lines.extend(gateway.lines());
     }
+}
+
+/// Returns a line for each star tracker outside.
+fn answer_rows(s: &RunSummary) -> impl Iterator<Item = String> + '_ {
+    s.answers.iter().map(|row| format!("{:<NAME_WIDTH$}{}", row.place, row.words()))
 }
 
 /// Returns counts by name in words.

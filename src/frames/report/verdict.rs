@@ -92,6 +92,10 @@ pub struct RunLimits {
     pub packets_lost: Option<u32>,
     /// Frames without a part of their jitter samples.
     pub jitter_missing: Option<u32>,
+    /// Late answers of star trackers outside.
+    pub answers_late: Option<u32>,
+    /// Frames that star trackers outside do not answer.
+    pub answers_missing: Option<u32>,
 }
 
 impl RunLimits {
@@ -106,6 +110,8 @@ impl RunLimits {
         links_lost: Some(u32::MAX),
         packets_lost: Some(u32::MAX),
         jitter_missing: Some(u32::MAX),
+        answers_late: Some(u32::MAX),
+        answers_missing: Some(u32::MAX),
     };
 
     /// Returns the word that an end leads to, the key of its limit, and the limit; `None` for ends that change no word.

@@ -146,6 +146,8 @@ pub struct FrameMeta {
     pub test_pattern: &'static str,
     /// Attitude at mid-exposure, `sensor_from_icrf`: Hamilton, passive (`v_sensor = q v_icrf q*`), scalar first.
     pub attitude_wxyz: [f64; 4],
+    /// Rotation vector of the line of sight beside that attitude at mid-exposure, sensor axes, rad: jitter.
+    pub jitter_rad: [f64; 3],
     /// Right ascension of the boresight, deg.
     pub ra_deg: f64,
     /// Declination of the boresight, deg.
@@ -243,6 +245,7 @@ impl FrameMeta {
             regions: Regions::WHOLE,
             test_pattern: "Off",
             attitude_wxyz: [1.0, 0.0, 0.0, 0.0],
+            jitter_rad: [0.0; 3],
             ra_deg: 0.0,
             dec_deg: 0.0,
             roll_deg: 0.0,

@@ -7,6 +7,7 @@ use base::refused::Refused;
 use config::{Event, Scenario};
 use frames::sink::NullSink;
 use run::wiring::fault_schedule::{ScheduleLimits, fault_schedule};
+use run::wiring::invariants::{Invariant, InvariantLine};
 use run::wiring::{error::LoopError, stepped::SteppedRun};
 use serde::Serialize;
 use testbed::acs::Mode;
@@ -37,6 +38,8 @@ pub struct Episode {
     pub violations: u64,
     /// The first of them in words.
     pub violation_lines: Vec<String>,
+    /// Each invariant with its checks.
+    pub invariants: Vec<InvariantLine>,
 }
 
 /// Refuses a scenario too short for any random fault: flown as an episode, it would pass without testing anything.
@@ -93,12 +96,11 @@ pub fn run_episode(base: &Scenario, seed: u64) -> Result<Episode, LoopError> {
         return Err(error);
     }
     let assessment = &mut outcome.assessment;
-    if !assessment.is_on_target() {
-        assessment.violate(|| "not on target at the end".into());
-    }
-    if mode != Some(Mode::FinePointing) {
-        assessment.violate(|| format!("mode at the end is {mode:?}, wanted FinePointing"));
-    }
+    let (is_on_target, is_fine) = (assessment.is_on_target(), mode == Some(Mode::FinePointing));
+    let invariants = &mut assessment.invariants;
+    invariants.check(Invariant::EndsOnTarget, is_on_target, || "not on target at the end".into());
+    invariants
+        .check(Invariant::EndsInFinePointing, is_fine, || format!("mode at the end is {mode:?}, wanted FinePointing"));
     let (violations, lines) = assessment.violations();
     Ok(Episode {
         seed,
@@ -110,6 +112,7 @@ pub fn run_episode(base: &Scenario, seed: u64) -> Result<Episode, LoopError> {
         telemetry_crc32: assessment.telemetry_crc32(),
         violations,
         violation_lines: lines.to_vec(),
+        invariants: assessment.invariants.results(&[&Invariant::OF_RUN[..], &Invariant::OF_EPISODE].concat()),
     })
 }
 

@@ -1,7 +1,7 @@
 //! Labels of items: a table with a row for each item, and one with a row for each star and target.
 //!
 //! In: items, one after the other. Out: both tables as Parquet, and the labels of one item as JSON for WebDataset. Every
-//! column is defined once, in [`ITEM_COLUMNS`] or [`STAR_COLUMNS`]; the guide's `data_sets.md` lists them, which a test below
+//! column is defined once, in [`ITEM_COLUMNS`] or [`STAR_COLUMNS`]; the guide's `labels.md` lists them, which a test below
 //! checks.
 //!
 //! Columns -> a Parquet file of one row group.
@@ -400,12 +400,12 @@ mod tests {
 
     #[test]
     fn every_column_is_in_the_guide() {
-        let page = include_str!("../../guide/data_sets.md");
+        let page = include_str!("../../guide/labels.md");
         let items = ITEM_COLUMNS.iter().map(|column| (column.name, column.meaning));
         for (name, meaning) in items.chain(STAR_COLUMNS.iter().map(|column| (column.name, column.meaning))) {
             assert!(
                 page.contains(&format!("| `{name}` | {meaning} |")),
-                "data_sets.md lacks: | `{name}` | {meaning} |"
+                "labels.md lacks: | `{name}` | {meaning} |"
             );
         }
     }

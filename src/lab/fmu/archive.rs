@@ -1,16 +1,17 @@
-//! A run file and the library -> an .fmu file: a zip archive laid out as section 2.5 of the standard says.
+//! A run file, the library and the program -> an .fmu file: a zip archive laid out as section 2.5 of the standard says.
 //!
 //! ```text
 //! modelDescription.xml
-//! binaries/x86_64-linux/starloop.so        the library that importers load
+//! binaries/x86_64-linux/starloop.so        the library that importers load; FMI 2: binaries/linux64/starloop.so
+//! resources/starloop                       this program, which the library starts
 //! resources/run.json                       the run file with every configuration file that it names
 //! resources/data/                          attitudes, orbits, jitter and maps that they name
 //! documentation/index.html
 //! ```
 //!
-//! The same run file and library give the same bytes.
+//! The same run file and program give the same bytes.
 
-use crate::description::{MODEL_IDENTIFIER, Model, description};
+use crate::description::{FmiVersion, MODEL_IDENTIFIER, Model, description};
 use crate::{
     error::{self, FmuError},
     variables::variables,
@@ -23,8 +24,21 @@ use std::path::Path;
 
 /// The packed run file, below the resources.
 pub const RUN_FILE: &str = "run.json";
-/// Folder of the library, by the standard's names of architecture and system.
-const PLATFORM: &str = if cfg!(target_arch = "aarch64") { "aarch64-linux" } else { "x86_64-linux" };
+/// The program, below the resources.
+const PROGRAM: &str = "starloop";
+/// Where the kernel has the program that runs, also when its file has been replaced.
+const THIS_PROGRAM: &str = "/proc/self/exe";
+/// The library, as `build.rs` compiled it; empty where it could not.
+const LIBRARY: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/library.so"));
+
+/// Returns the folder of the library, by the standard's names of architecture and system. FMI 2 has a name for x86 alone.
+const fn platform(version: FmiVersion) -> &'static str {
+    match version {
+        _ if cfg!(target_arch = "aarch64") => "aarch64-linux",
+        FmiVersion::Two => "linux64",
+        FmiVersion::Three => "x86_64-linux",
+    }
+}
 
 /// Refuses a run whose spacecraft is flown inside.
 pub(crate) fn check_plant(scenario: &Scenario, file: &str) -> Result<(), FmuError> {
@@ -47,7 +61,11 @@ pub fn token(run_json: &str, heads: usize) -> String {
 ///
 /// # Errors
 /// When the run file is refused, flies its spacecraft inside, or a file cannot be read or written.
-pub fn write_unit(document: &Document, library: &Path, out: &Path) -> Result<u64, FmuError> {
+pub fn write_unit(document: &Document, version: FmiVersion, out: &Path) -> Result<u64, FmuError> {
+    if LIBRARY.is_empty() {
+        let why = "this program was built without the library for FMI units: build it again, and see the warning of that build";
+        return Err(Refused::at(out, why).into());
+    }
     let scenario = Scenario::from_document(document)?;
     check_plant(&scenario, &document.name())?;
     let packed = document.pack()?;
@@ -62,10 +80,11 @@ pub fn write_unit(document: &Document, library: &Path, out: &Path) -> Result<u64
         stop_s: timing.duration_s,
         step_s: 1.0 / timing.frame_rate_hz,
     };
-    let unread = |source| error::file(library, "read the library", source);
-    let binary = read_bytes(library, DATA_BYTES).map_err(unread)?;
-    let xml = description(&model, &variables(heads));
-    let (of_library, of_run) = (format!("binaries/{PLATFORM}/{MODEL_IDENTIFIER}.so"), format!("resources/{RUN_FILE}"));
+    let unread = |source| error::file(Path::new(THIS_PROGRAM), "read this program", source);
+    let binary = read_bytes(Path::new(THIS_PROGRAM), DATA_BYTES).map_err(unread)?;
+    let xml = description(&model, version, &variables(heads));
+    let of_library = format!("binaries/{}/{MODEL_IDENTIFIER}.so", platform(version));
+    let (of_program, of_run) = (format!("resources/{PROGRAM}"), format!("resources/{RUN_FILE}"));
     let data = packed.data().map(|(path, kept)| {
         let unread = |source| error::file(&path, "read a file that the run file names", source);
         read_bytes(&path, DATA_BYTES).map(|bytes| (format!("resources/{kept}"), bytes)).map_err(unread)
@@ -73,7 +92,8 @@ pub fn write_unit(document: &Document, library: &Path, out: &Path) -> Result<u64
     let data = data.collect::<Result<Vec<_>, _>>()?;
     let mut files: Vec<(&str, &[u8])> = vec![
         ("modelDescription.xml", xml.as_bytes()),
-        (of_library.as_str(), binary.as_slice()),
+        (of_library.as_str(), LIBRARY),
+        (of_program.as_str(), binary.as_slice()),
         (of_run.as_str(), run_json.as_bytes()),
         ("documentation/index.html", DOCUMENTATION.as_bytes()),
     ];

@@ -1,14 +1,14 @@
-//! The life of one instance of a unit: start, steps, end. The C interface calls this; a test can as well.
+//! The life of one instance of a unit: start, steps, end. `worker` calls this for the C interface.
 //!
 //! The importer sets inputs for the start of a step, and the run goes on to its end: what a frame needs beyond the
 //! start of a step is predicted from attitude, rate and acceleration. Life: new, [`Slave::enter`], [`Slave::exit`],
 //! [`Slave::step`] ..., [`Slave::terminate`]; [`Slave::reset`] begins again.
-//! Its state says which calls it takes (section 2.3 of the standard, without event mode). The C interface gets and sets
-//! variables by their references.
+//! Its state says which calls it takes (section 2.3 of the standard, without event mode). Variables are got and
+//! set by their references.
 
 use crate::archive::{RUN_FILE, check_plant, token};
 use crate::error::{self, FmuError};
-use crate::values::{HeadOutputs, Inputs};
+use crate::values::{HeadOutputs, Inputs, Place, Value, whole};
 use crate::variables::reference;
 use base::input_file::{DATA_BYTES, read_text};
 use base::{refused::Refused, time::Span};
@@ -23,11 +23,12 @@ const STEP_TOLERANCE_S: f64 = 1e-9;
 /// One instance.
 pub struct Slave {
     scenario: Scenario,
-    pub(crate) state: State,
-    pub(crate) inputs: Inputs,
-    pub(crate) heads: Vec<HeadOutputs>,
+    state: State,
+    inputs: Inputs,
+    heads: Vec<HeadOutputs>,
+    /// When the next step begins.
     pub(crate) time_s: [f64; 1],
-    pub(crate) refused: u64,
+    refused: i64,
     fired: u32,
     /// Jitter was given: from then on zeros are jitter too.
     has_jitter: bool,
@@ -59,7 +60,8 @@ impl Slave {
         }
         scenario.plant = Plant::Outside;
         scenario.bench.flight_computer.is_external = true;
-        // The lines are those of the simulated flight computer, whose place the importer takes: it sets its own jitter.
+        // The lines are those of the simulated flight computer, whose place the importer takes: it sets its own jitter,
+        // and one that sets none gets none. `[jitter]` says by itself that it is added to every source of motion.
         scenario.bench.flight_computer.jitter_lines.clear();
         let is_known_lens = |camera: &Camera| camera.distortion.polynomial.is_none();
         if (0..heads).all(|head| is_known_lens(&scenario.bench.of_head(head).camera)) {
@@ -80,7 +82,7 @@ impl Slave {
     /// # Errors
     /// When it is not the time for it, or the start is another one.
     pub fn enter(&mut self, start_s: f64) -> Result<(), FmuError> {
-        self.state.wants(&[State::Instantiated], "fmi3EnterInitializationMode")?;
+        self.state.wants(&[State::Instantiated], "EnterInitializationMode")?;
         if start_s != 0.0 {
             return Err(error::step(start_s, 0.0, 0.0));
         }
@@ -93,7 +95,7 @@ impl Slave {
     /// # Errors
     /// When it is not the time for it, or a part cannot be made.
     pub fn exit(&mut self) -> Result<(), FmuError> {
-        self.state.wants(&[State::Initialising], "fmi3ExitInitializationMode")?;
+        self.state.wants(&[State::Initialising], "ExitInitializationMode")?;
         self.state = State::Failed;
         let directory = self.make_directory()?;
         let no_sinks = Vec::new();
@@ -122,7 +124,7 @@ impl Slave {
     /// # Errors
     /// When it does not begin where the one before ended, an input cannot be taken, or the run failed.
     pub fn step(&mut self, from_s: f64, step_s: f64) -> Result<(), FmuError> {
-        self.state.wants(&[State::Stepping], "fmi3DoStep")?;
+        self.state.wants(&[State::Stepping], "DoStep")?;
         let at_s = self.time_s[0];
         let is_in_order = (from_s - at_s).abs() <= STEP_TOLERANCE_S * at_s.abs().max(1.0);
         if !(is_in_order && step_s > 0.0 && step_s.is_finite()) {
@@ -153,7 +155,7 @@ impl Slave {
             self.state = State::Failed;
             return Err(error.into());
         }
-        self.refused = run.record().ledger.count(EventKind::SampleRefused);
+        self.refused = whole(run.record().ledger.count(EventKind::SampleRefused));
         for (number, head) in self.heads.iter_mut().enumerate() {
             // A head without a tracker, or before its first frame, stays invalid.
             if let Ok(Some(output)) = run.tracker_output(number) {
@@ -170,7 +172,7 @@ impl Slave {
     /// # Errors
     /// When it is not the time for it, or a sink failed.
     pub fn terminate(&mut self) -> Result<Option<String>, FmuError> {
-        self.state.wants(&[State::Stepping, State::Failed], "fmi3Terminate")?;
+        self.state.wants(&[State::Stepping, State::Failed], "Terminate")?;
         self.state = State::Terminated;
         let Some(run) = self.run.take() else { return Ok(None) };
         let end = run.end(None);
@@ -192,7 +194,7 @@ impl Slave {
 
 /// Life of an instance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum State {
+enum State {
     /// Made: parameters may be set.
     Instantiated,
     /// Between enter and exit of initialisation.
@@ -217,7 +219,7 @@ impl State {
     }
 
     /// Refuses a call that this state does not take.
-    pub(crate) fn wants(self, states: &[Self], function: &'static str) -> Result<(), FmuError> {
+    fn wants(self, states: &[Self], function: &'static str) -> Result<(), FmuError> {
         if states.contains(&self) {
             return Ok(());
         }
@@ -227,119 +229,46 @@ impl State {
 }
 
 impl Slave {
-    /// Returns the time at which the next step begins, s.
-    pub fn time_s(&self) -> f64 {
-        self.time_s[0]
-    }
-
-    /// Returns the numbers of a variable of double precision; `None` for a reference that is none of them.
-    pub fn float64(&self, reference: u32) -> Option<&[f64]> {
+    /// Returns the value of a variable; `None` for a reference that belongs to none.
+    pub(crate) fn value(&self, reference: u32) -> Option<Value<'_>> {
         let inputs = &self.inputs;
         Some(match reference {
-            reference::TIME => &self.time_s,
-            reference::Q_BODY_FROM_ICRF => &inputs.q,
-            reference::RATE => &inputs.rate,
-            reference::ACCELERATION => &inputs.acceleration,
-            reference::JITTER => &inputs.jitter,
-            reference::POSITION => &inputs.position,
-            reference::VELOCITY => &inputs.velocity,
-            other => {
-                let (head, within) = self.head(other)?;
-                match within {
-                    reference::MID_EXPOSURE => &head.mid_exposure_s,
-                    reference::TRUTH => &head.truth,
-                    reference::TRACKER_Q => &head.tracker_q,
-                    reference::TRACKER_TIME => &head.tracker_time_s,
-                    _no_such_float => return None,
-                }
+            reference::TIME => Value::Reals(&self.time_s),
+            reference::OUTPUT_DIR => Value::Text(&inputs.output_dir),
+            reference::Q_BODY_FROM_ICRF => Value::Reals(&inputs.q),
+            reference::RATE => Value::Reals(&inputs.rate),
+            reference::ACCELERATION => Value::Reals(&inputs.acceleration),
+            reference::JITTER => Value::Reals(&inputs.jitter),
+            reference::POSITION => Value::Reals(&inputs.position),
+            reference::VELOCITY => Value::Reals(&inputs.velocity),
+            reference::HAS_OBSERVER => Value::Boolean(inputs.has_observer),
+            reference::TRIGGER => Value::Whole(inputs.trigger.into()),
+            reference::TRIGGER_COUNT => Value::Whole(inputs.trigger_count.into()),
+            reference::REFUSED => Value::Whole(self.refused),
+            of_head => {
+                let of_heads = of_head.checked_sub(reference::HEADS)?;
+                let number = usize::try_from(of_heads / reference::HEAD_STRIDE).ok()?;
+                self.heads.get(number)?.value(of_heads % reference::HEAD_STRIDE)?
             }
         })
     }
 
-    /// Returns where the numbers of an input of double precision go; `None` for any other variable.
-    pub fn float64_input(&mut self, reference: u32) -> Option<&mut [f64]> {
+    /// Returns where the value of an input or parameter goes; `None` for any other variable, or after the start.
+    pub(crate) fn place(&mut self, reference: u32) -> Option<Place<'_>> {
         let inputs = &mut self.inputs;
+        let is_before_start = matches!(self.state, State::Instantiated | State::Initialising);
         Some(match reference {
-            reference::Q_BODY_FROM_ICRF => &mut inputs.q,
-            reference::RATE => &mut inputs.rate,
-            reference::ACCELERATION => &mut inputs.acceleration,
-            reference::JITTER => &mut inputs.jitter,
-            reference::POSITION => &mut inputs.position,
-            reference::VELOCITY => &mut inputs.velocity,
+            reference::OUTPUT_DIR if is_before_start => Place::Text(&mut inputs.output_dir),
+            reference::Q_BODY_FROM_ICRF => Place::Reals(&mut inputs.q),
+            reference::RATE => Place::Reals(&mut inputs.rate),
+            reference::ACCELERATION => Place::Reals(&mut inputs.acceleration),
+            reference::JITTER => Place::Reals(&mut inputs.jitter),
+            reference::POSITION => Place::Reals(&mut inputs.position),
+            reference::VELOCITY => Place::Reals(&mut inputs.velocity),
+            reference::HAS_OBSERVER => Place::Boolean(&mut inputs.has_observer),
+            reference::TRIGGER => Place::Short(&mut inputs.trigger),
+            reference::TRIGGER_COUNT => Place::Long(&mut inputs.trigger_count),
             _no_input => return None,
         })
-    }
-
-    /// Returns a whole number of any size; `None` for a reference that is none.
-    pub fn whole(&self, reference: u32) -> Option<i128> {
-        Some(match reference {
-            reference::TRIGGER => self.inputs.trigger.into(),
-            reference::TRIGGER_COUNT => self.inputs.trigger_count.into(),
-            reference::REFUSED => self.refused.into(),
-            other => {
-                let (head, within) = self.head(other)?;
-                match within {
-                    reference::FRAMES => head.frames.into(),
-                    reference::STARS => head.stars.into(),
-                    reference::TRACKER_STARS => head.tracker_stars.into(),
-                    _no_such_number => return None,
-                }
-            }
-        })
-    }
-
-    /// Sets the number or the count of the trigger; false for any other variable.
-    pub fn set_whole(&mut self, reference: u32, value: u32) -> bool {
-        match (reference, u16::try_from(value)) {
-            (reference::TRIGGER, Ok(number)) => self.inputs.trigger = number,
-            (reference::TRIGGER_COUNT, _) => self.inputs.trigger_count = value,
-            _no_input => return false,
-        }
-        true
-    }
-
-    /// Returns the value of a Boolean variable; `None` for a reference of another type.
-    pub fn boolean(&self, reference: u32) -> Option<bool> {
-        match reference {
-            reference::HAS_OBSERVER => Some(self.inputs.has_observer),
-            other => self
-                .head(other)
-                .filter(|(_, within)| *within == reference::TRACKER_VALID)
-                .map(|(head, _)| head.tracker_valid),
-        }
-    }
-
-    /// Sets whether something is true; false for any other variable.
-    pub fn set_boolean(&mut self, reference: u32, value: bool) -> bool {
-        match reference {
-            reference::HAS_OBSERVER => self.inputs.has_observer = value,
-            _no_input => return false,
-        }
-        true
-    }
-
-    /// Returns a text; `None` for a reference that is none.
-    pub fn text(&self, reference: u32) -> Option<&str> {
-        (reference == reference::OUTPUT_DIR).then_some(self.inputs.output_dir.as_str())
-    }
-
-    /// Sets a text; false for any other variable, or after the start.
-    pub fn set_text(&mut self, reference: u32, value: &str) -> bool {
-        let may_be_set = reference == reference::OUTPUT_DIR && self.is_before_start();
-        if may_be_set {
-            value.clone_into(&mut self.inputs.output_dir);
-        }
-        may_be_set
-    }
-
-    fn is_before_start(&self) -> bool {
-        matches!(self.state, State::Instantiated | State::Initialising)
-    }
-
-    /// Returns the head that a reference is of, and the reference within it.
-    fn head(&self, reference: u32) -> Option<(&HeadOutputs, u32)> {
-        let from_heads = reference.checked_sub(reference::HEADS)?;
-        let number = usize::try_from(from_heads / reference::HEAD_STRIDE).ok()?;
-        Some((self.heads.get(number)?, from_heads % reference::HEAD_STRIDE))
     }
 }

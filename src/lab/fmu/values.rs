@@ -2,6 +2,7 @@
 //! of frames and of star trackers.
 
 use crate::error::FmuError;
+use crate::variables::reference;
 use base::axes::{Rotation, WRITTEN_NORM_TOLERANCE};
 use base::{refused::Refused, time::Tai, units::METRE_KM};
 use frames::sink::{SentFrame, TruthKind};
@@ -72,28 +73,69 @@ impl Inputs {
     }
 }
 
+/// A variable's value.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Value<'a> {
+    Reals(&'a [f64]),
+    Whole(i64),
+    Boolean(bool),
+    Text(&'a str),
+}
+
+/// Where the value of an input or parameter goes.
+#[derive(Debug)]
+pub(crate) enum Place<'a> {
+    Reals(&'a mut [f64]),
+    Short(&'a mut u16),
+    Long(&'a mut u32),
+    Boolean(&'a mut bool),
+    Text(&'a mut String),
+}
+
+/// Returns a count as a whole number of a variable.
+pub(crate) fn whole(count: impl TryInto<i64>) -> i64 {
+    count.try_into().unwrap_or(i64::MAX)
+}
+
 /// Outputs of one head.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct HeadOutputs {
-    pub(crate) frames: u64,
-    pub(crate) mid_exposure_s: [f64; 1],
-    pub(crate) truth: [f64; 4],
-    pub(crate) stars: i32,
-    pub(crate) tracker_q: [f64; 4],
-    pub(crate) tracker_valid: bool,
-    pub(crate) tracker_stars: i32,
-    pub(crate) tracker_time_s: [f64; 1],
+    frames: i64,
+    mid_exposure_s: [f64; 1],
+    truth: [f64; 4],
+    true_jitter: [f64; 3],
+    stars: i64,
+    tracker_q: [f64; 4],
+    tracker_valid: bool,
+    tracker_stars: i64,
+    tracker_time_s: [f64; 1],
 }
 
 impl HeadOutputs {
+    /// Returns the value of a variable of a head; `None` for a reference that belongs to none.
+    pub(crate) fn value(&self, within: u32) -> Option<Value<'_>> {
+        Some(match within {
+            reference::FRAMES => Value::Whole(self.frames),
+            reference::MID_EXPOSURE => Value::Reals(&self.mid_exposure_s),
+            reference::TRUTH => Value::Reals(&self.truth),
+            reference::TRUE_JITTER => Value::Reals(&self.true_jitter),
+            reference::STARS => Value::Whole(self.stars),
+            reference::TRACKER_Q => Value::Reals(&self.tracker_q),
+            reference::TRACKER_VALID => Value::Boolean(self.tracker_valid),
+            reference::TRACKER_STARS => Value::Whole(self.tracker_stars),
+            reference::TRACKER_TIME => Value::Reals(&self.tracker_time_s),
+            _no_such => return None,
+        })
+    }
+
     /// Takes in a frame that went out.
     pub(crate) fn take(&mut self, frame: &SentFrame, zero: Tai) {
         let meta = &frame.meta;
         self.frames += 1;
         self.mid_exposure_s = [(meta.mid_exposure - zero).s()];
         self.truth = meta.attitude_wxyz;
-        self.stars =
-            i32::try_from(frame.truth.iter().filter(|star| star.kind == TruthKind::Star).count()).unwrap_or(i32::MAX);
+        self.true_jitter = meta.jitter_rad;
+        self.stars = whole(frame.truth.iter().filter(|star| star.kind == TruthKind::Star).count());
     }
 
     /// Takes in what the head's tracker said last.
@@ -103,7 +145,7 @@ impl HeadOutputs {
             Outcome::Solved(solution) => {
                 self.tracker_valid = true;
                 self.tracker_q = solution.sensor_from_icrf.wxyz();
-                self.tracker_stars = i32::try_from(solution.stars).unwrap_or(i32::MAX);
+                self.tracker_stars = whole(solution.stars);
             }
             Outcome::NoSolution(_) => (self.tracker_valid, self.tracker_stars) = (false, 0),
         }

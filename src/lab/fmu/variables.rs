@@ -103,6 +103,8 @@ pub mod reference {
     pub const TRACKER_STARS: u32 = 6;
     /// Within a head: middle of the exposure that the tracker measured, s.
     pub const TRACKER_TIME: u32 = 7;
+    /// Within a head: the jitter that was drawn.
+    pub const TRUE_JITTER: u32 = 8;
 }
 
 const IDENTITY: &str = "1 0 0 0";
@@ -215,6 +217,14 @@ fn of_head(head: usize, heads: usize) -> Vec<Variable> {
             None,
             "Attitude of the sensor that the newest frame was drawn from, at mid-exposure",
         ),
+        output(
+            "true_jitter",
+            reference::TRUE_JITTER,
+            float,
+            Some(3),
+            Some("rad"),
+            "Rotation vector of the line of sight beside that attitude that was drawn, at mid-exposure, sensor axes",
+        ),
         output("star_count", reference::STARS, Kind::Int32, None, None, "Stars drawn in the newest frame"),
         output(
             "tracker_q_sensor_from_icrf",
@@ -237,6 +247,33 @@ fn of_head(head: usize, heads: usize) -> Vec<Variable> {
     ]
 }
 
+/// From the reference of a variable to that of its first element, and from one element to the next.
+const ELEMENT_STRIDE: u32 = 1_000_000;
+
+/// Returns the variables with each number of an array as one of its own: `rate[1]`, `rate[2]`, `rate[3]`.
+pub(crate) fn scalars(variables: &[Variable]) -> Vec<Variable> {
+    let elements_of = |variable: &Variable| {
+        let starts: Vec<_> = variable.start.iter().flat_map(|start| start.split(' ').map(str::to_owned)).collect();
+        let element = |number: usize| Variable {
+            name: format!("{}[{number}]", variable.name),
+            reference: variable.reference + ELEMENT_STRIDE * number as u32,
+            elements: None,
+            start: starts.get(number - 1).cloned(),
+            ..variable.clone()
+        };
+        match variable.elements {
+            Some(count) => (1..=count).map(element).collect(),
+            None => vec![variable.clone()],
+        }
+    };
+    variables.iter().flat_map(elements_of).collect()
+}
+
+/// Returns the reference of the variable that is meant, and which of its elements, counted from 0; `None`: all of it.
+pub(crate) fn element_of(reference: u32) -> (u32, Option<usize>) {
+    (reference % ELEMENT_STRIDE, (reference as usize / ELEMENT_STRIDE as usize).checked_sub(1))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -253,8 +290,20 @@ mod tests {
     }
 
     #[test]
+    fn an_element_leads_back_to_its_array() {
+        let single = scalars(&variables(2));
+        let references: BTreeSet<_> = single.iter().map(|variable| variable.reference).collect();
+        assert_eq!(references.len(), single.len());
+        let rate: Vec<_> = single.iter().filter(|variable| variable.name.starts_with("rate[")).collect();
+        let places: Vec<_> = rate.iter().map(|variable| element_of(variable.reference)).collect();
+        assert_eq!(places, [0, 1, 2].map(|place| (reference::RATE, Some(place))));
+        assert_eq!(element_of(reference::RATE), (reference::RATE, None), "the array itself");
+        assert!(rate.iter().all(|variable| variable.start.as_deref() == Some("0")));
+    }
+
+    #[test]
     fn a_start_value_has_as_many_numbers_as_the_array() {
-        for variable in variables(2) {
+        for variable in variables(2).into_iter().chain(scalars(&variables(2))) {
             let numbers = variable.start.as_ref().filter(|_| variable.elements.is_some()).map(|s| s.split(' ').count());
             assert!(numbers.is_none() || numbers == variable.elements, "{}", variable.name);
             assert_eq!(variable.start.is_some(), matches!(variable.role, Role::Input | Role::Parameter));

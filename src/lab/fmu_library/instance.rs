@@ -1,87 +1,114 @@
-//! An instance behind the pointer that the importer holds.
+//! An instance behind the pointer that the importer holds, and what its pointers lead to.
 
+use crate::protocol::{Operation, Request, Status, words};
+use crate::worker::Worker;
 use core::ffi::{CStr, c_char, c_void};
-use fmu::Slave;
 use std::ffi::CString;
-use std::panic::{AssertUnwindSafe, catch_unwind};
-
-/// `fmi3Status`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(C)]
-pub enum Status {
-    Ok,
-    Warning,
-    Discard,
-    Error,
-    Fatal,
-}
 
 /// `fmi3LogMessageCallback`.
-pub type LogMessage = Option<unsafe extern "C" fn(*mut c_void, Status, *const c_char, *const c_char)>;
+pub type LogMessage3 = Option<unsafe extern "C" fn(*mut c_void, Status, *const c_char, *const c_char)>;
+
+/// `fmi2CallbackLogger`: the message is a format of printf.
+pub type LogMessage2 =
+    Option<unsafe extern "C" fn(*mut c_void, *const c_char, Status, *const c_char, *const c_char, ...)>;
+
+/// Where messages go.
+pub enum Log {
+    /// To an importer of FMI 3, with its environment.
+    Three(*mut c_void, LogMessage3),
+    /// To an importer of FMI 2, with its environment and its name for the instance.
+    Two(*mut c_void, CString, LogMessage2),
+}
+
+impl Log {
+    /// Calls the importer's log, where it gave one.
+    pub fn say(&self, status: Status, message: &str) {
+        let percent = if matches!(self, Self::Two(..)) { "%%" } else { "%" };
+        let Ok(message) = CString::new(message.replace('\0', " ").replace('%', percent)) else { return };
+        let category = if status == Status::Ok { c"logEvents" } else { c"logStatusError" };
+        match self {
+            Self::Three(environment, Some(callback)) => {
+                // SAFETY: the importer promises a function of this type; the texts live until it returns.
+                unsafe { callback(*environment, status, category.as_ptr(), message.as_ptr()) };
+            }
+            Self::Two(environment, name, Some(callback)) => {
+                // SAFETY: likewise; a format without directives takes no further arguments.
+                unsafe { callback(*environment, name.as_ptr(), status, category.as_ptr(), message.as_ptr()) };
+            }
+            Self::Three(_, None) | Self::Two(_, _, None) => {}
+        }
+    }
+}
 
 /// An instance, to which the importer has a pointer.
 pub struct Instance {
-    /// The unit; `None` when a panic has ended it.
-    slave: Option<Slave>,
-    environment: *mut c_void,
-    log: LogMessage,
-    /// The latest text that was handed out, kept until the next one.
-    pub text: CString,
+    worker: Worker,
+    log: Log,
+    /// When the importer's time begins, s: FMI 2 gives it before it is asked for.
+    pub start_s: f64,
+    /// The values got last: texts that were handed out lie in it.
+    pub got: Vec<u8>,
 }
 
 impl Instance {
-    pub fn new(slave: Slave, environment: *mut c_void, log: LogMessage) -> Self {
-        Self { slave: Some(slave), environment, log, text: CString::default() }
-    }
-
-    /// Calls safe code; an error becomes a log message and a status, a panic the end of the instance.
-    pub fn call<E: core::fmt::Display>(&mut self, work: impl FnOnce(&mut Slave) -> Result<(), E>) -> Status {
-        let Some(mut slave) = self.slave.take() else {
-            self.say(Status::Fatal, "the instance was lost in an earlier call: free it");
-            return Status::Fatal;
-        };
-        match catch_unwind(AssertUnwindSafe(|| (work(&mut slave), slave))) {
-            Ok((outcome, slave)) => {
-                self.slave = Some(slave);
-                outcome.map_or_else(|error| self.fail(&error.to_string()), |()| Status::Ok)
-            }
-            Err(_panic) => {
-                self.say(Status::Fatal, "a fault of the program: please report it with the run file");
-                Status::Fatal
+    /// Starts an instance; returns the importer's pointer to it, null with a message where it cannot start.
+    pub fn start(resources: Result<String, String>, token: *const c_char, log: Log) -> *mut c_void {
+        let started = resources.and_then(|resources| {
+            let token =
+                text(token).ok_or("the instantiation token must be a text; got null or bytes that are not UTF-8")?;
+            Worker::start(&resources, token)
+        });
+        match started {
+            Ok(worker) => Box::into_raw(Box::new(Self { worker, log, start_s: 0.0, got: Vec::new() })).cast(),
+            Err(why) => {
+                log.say(Status::Error, &why);
+                core::ptr::null_mut()
             }
         }
     }
 
+    /// Asks the program; logs what it says. Without success there is no content.
+    pub fn ask(&mut self, code: Operation, references: &[u32], content: Vec<u8>) -> (Status, Vec<u8>) {
+        let head = references.iter().flat_map(|reference| reference.to_ne_bytes()).collect();
+        let reply = self.worker.ask(&Request { code, head, content });
+        if !reply.head.is_empty() {
+            self.log.say(reply.code, &String::from_utf8_lossy(&reply.head));
+        }
+        (reply.code, reply.content)
+    }
+
     /// Logs an error.
     pub fn fail(&self, why: &str) -> Status {
-        self.say(Status::Error, why);
+        self.log.say(Status::Error, why);
         Status::Error
     }
-
-    /// Logs a message.
-    pub fn say(&self, status: Status, message: &str) {
-        log(self.log, self.environment, status, message);
-    }
-}
-
-/// Calls the importer's log, where it gave one.
-pub fn log(callback: LogMessage, environment: *mut c_void, status: Status, message: &str) {
-    let (Some(callback), Ok(message)) = (callback, CString::new(message.replace('\0', " "))) else { return };
-    let category = if status == Status::Ok { c"logEvents" } else { c"logStatusError" };
-    // SAFETY: the importer promises a function of this type; both texts live until it returns.
-    unsafe { callback(environment, status, category.as_ptr(), message.as_ptr()) };
 }
 
 /// Returns the instance behind a pointer; `None` for null.
 pub fn of<'a>(instance: *mut c_void) -> Option<&'a mut Instance> {
-    // SAFETY: not null, so by the standard one that `fmi3InstantiateCoSimulation` returned and that is not freed; the
-    // importer calls one function of an instance at a time.
+    // SAFETY: not null, so by the standard one that was returned to the importer and that is not freed; it calls one
+    // function of an instance at a time.
     unsafe { instance.cast::<Instance>().as_mut() }
 }
 
-/// Calls safe code on the instance behind a pointer.
-pub fn call<E: core::fmt::Display>(instance: *mut c_void, work: impl FnOnce(&mut Slave) -> Result<(), E>) -> Status {
-    of(instance).map_or(Status::Error, |instance| instance.call(work))
+/// Frees an instance; null is allowed.
+pub fn free(instance: *mut c_void) {
+    if !instance.is_null() {
+        // SAFETY: by the standard a pointer that was returned to the importer, freed once.
+        drop(unsafe { Box::from_raw(instance.cast::<Instance>()) });
+    }
+}
+
+/// Asks the program of the instance behind a pointer, with times in s.
+pub fn call(instance: *mut c_void, operation: Operation, times_s: &[f64]) -> Status {
+    of(instance).map_or(Status::Error, |instance| instance.ask(operation, &[], words(times_s)).0)
+}
+
+/// Refuses a call that the description excludes.
+pub fn deny(instance: *mut c_void, function: &str, why: &str) -> Status {
+    of(instance).map_or(Status::Error, |instance| {
+        instance.fail(&format!("{function}: this unit has no {why}, as its description says"))
+    })
 }
 
 /// Returns `count` values behind a pointer; none for null.

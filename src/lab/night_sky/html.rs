@@ -18,7 +18,9 @@ const ENLARGED: f64 = 400.0;
 const STYLE: &str = "body{font:15px/1.5 sans-serif;max-width:70em;margin:2em auto;padding:0 1em;color:#222}\
     table{border-collapse:collapse;margin:1em 0}td,th{border:1px solid #ccc;padding:.2em .6em;text-align:right}\
     th{background:#f3f3f3}td:first-child,th:first-child{text-align:left}img{max-width:100%}\
-    .yes{color:#060;font-weight:bold}.no{color:#a00;font-weight:bold}svg{max-width:100%;height:auto}";
+    .yes{color:#060;font-weight:bold}.no{color:#a00;font-weight:bold}svg{max-width:100%;height:auto}\
+    @media print{@page{margin:14mm}body{max-width:none;margin:0;padding:0;font-size:11px}table{width:100%}td,th{padding:.15em .3em;overflow-wrap:break-word}\
+    thead{display:table-header-group}tr,img,svg{break-inside:avoid}h2{break-after:avoid}}";
 
 /// Returns the page.
 fn page(compared: &[Compared], camera: &str) -> io::Result<String> {

@@ -3,7 +3,7 @@
 
 use crate::metric::{Settings, refuse_all};
 use crate::record::{Case, FalseLimit, TruthRow, Use};
-use crate::{log::read_log, poses::MountingDrift, provenance::Paperwork};
+use crate::{log::read_log, log_form::LogForm, poses::MountingDrift, provenance::Paperwork};
 use anyhow::{Context, Result, bail};
 use base::input_file::{DATA_BYTES, InputFile, SETTINGS_BYTES, read_text};
 use frames::sink::frame_log::{path_in, read_frame_log};
@@ -55,11 +55,17 @@ pub struct PlanFile {
     /// Largest temporal noise that exclusion angles allow.
     #[serde(default)]
     pub exclusion_noise_arcsec: Option<f64>,
+    /// Images that the program under test got, in words, where there were others than FITS.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub images: Option<String>,
     /// Folders of the cases.
     pub cases: Vec<String>,
     /// Unit, author and date in the head of the report.
     #[serde(default)]
     pub document: Paperwork,
+    /// Statements of the plan about the logs of its tracker.
+    #[serde(default)]
+    pub log: LogForm,
 }
 
 impl PlanFile {
@@ -89,11 +95,11 @@ impl PlanFile {
     }
 }
 
-/// Reads the case in a folder, with the log in it or another one.
+/// Reads the case in a folder, with the log in it or another one, in the form that is stated beside it.
 ///
 /// # Errors
 /// With what is missing or cannot be read.
-pub fn read_case(folder: &Path, log: Option<&Path>) -> Result<Case> {
+pub fn read_case(folder: &Path, log: Option<&Path>, stated: &LogForm) -> Result<Case> {
     let path = folder.join(CASE);
     let described = if path.exists() {
         let text = read_text(&path, SETTINGS_BYTES).with_context(|| path.display().to_string())?;
@@ -114,7 +120,7 @@ pub fn read_case(folder: &Path, log: Option<&Path>) -> Result<Case> {
         align(&mut truth, &drift);
     }
     let log = log.map_or_else(|| folder.join(LOG), PathBuf::from);
-    let rows = read_log(&log)?;
+    let rows = read_log(&log, stated)?;
     if rows.is_empty() {
         bail!("{}: got no row, wanted one for each solution at least", log.display());
     }

@@ -6,6 +6,8 @@
 
 use crate::attitudes::{BrightBodies, Circumstances};
 use crate::case_folder::{CASE, CaseFile, LOG};
+use crate::log::read_log;
+use crate::images::{ImageForm, LinearScale, WithImages};
 use crate::plan::{Plan, PlanCase, Source, folder_name};
 use crate::poses::{MARGIN_S, Pose, before_samples, margin_s, poses};
 use crate::tracker_inside::{Inside, TrackerLog};
@@ -51,6 +53,9 @@ pub struct Flight<'a> {
     inside: Option<Inside>,
     /// Images are kept after the program outside has seen them.
     pub keeps_images: bool,
+    /// Images that a program outside gets beside FITS.
+    pub images: Option<ImageForm>,
+    usual_scale: LinearScale,
 }
 
 /// All that a case is flown with.
@@ -76,6 +81,7 @@ impl<'a> Flight<'a> {
         let plan_folder = if plan_folder == Path::new("") { Path::new(".") } else { plan_folder };
         let [camera_path, plan_folder] =
             [camera_path.as_path(), plan_folder].map(|path| std::path::absolute(path).unwrap_or_else(|_| path.into()));
+        let usual_scale = LinearScale::of_camera(&camera);
         let camera_name = camera.name;
         Ok(Self {
             plan,
@@ -86,7 +92,21 @@ impl<'a> Flight<'a> {
             pixel_rad,
             inside,
             keeps_images: false,
+            images: None,
+            usual_scale,
         })
+    }
+
+    /// Asks for images beside FITS, on the camera's usual scale where the form says none.
+    ///
+    /// # Errors
+    /// When no program outside would see them.
+    pub fn give_images(&mut self, form: ImageForm) -> Result<()> {
+        if self.plan.tracker.source != Source::Program {
+            bail!("--images: wanted a program under test: tracker.command of the plan, or --tracker-command");
+        }
+        self.images = Some(form.settled(self.usual_scale));
+        Ok(())
     }
 
     /// Checks the wanted cases without flying them and without writing anything.
@@ -120,7 +140,11 @@ impl<'a> Flight<'a> {
         let is_seen_outside = self.plan.tracker.source == Source::Program;
         let options = RecorderOptions { fits: is_seen_outside, truth: false, png_every: 0, ser: false };
         let recorder = Recorder::create(&folder, options)?;
-        let written = self.draw(&scenario, recorder, (case, value), (&attitudes, bodies.as_ref()))?;
+        let sink: Box<dyn Sink> = match self.images {
+            Some(form) => Box::new(WithImages::new(recorder, &folder, form)),
+            None => Box::new(recorder),
+        };
+        let written = self.draw(&scenario, sink, (case, value), (&attitudes, bodies.as_ref()))?;
         if let Some(written) = written {
             std::fs::write(&log, written).with_context(|| log.display().to_string())?;
         }
@@ -227,15 +251,12 @@ impl<'a> Flight<'a> {
     fn draw(
         &self,
         scenario: &Scenario,
-        recorder: Recorder,
+        to_tracker: Box<dyn Sink>,
         (case, value): (&PlanCase, Option<f64>),
         (attitudes, bodies): (&[DQuat], Option<&BrightBodies>),
     ) -> Result<Option<String>> {
-        let mut made = Some(recorder);
-        let mut sink = |_: usize| match made.take() {
-            Some(recorder) => Box::new(recorder) as Box<dyn Sink>,
-            None => Box::new(Unused),
-        };
+        let mut made = Some(to_tracker);
+        let mut sink = |_: usize| made.take().unwrap_or_else(|| Box::new(Unused));
         let options = RunOptions::stepped(Outputs::Made(&mut sink));
         let mut run = SteppedRun::of(Run::assemble(scenario, RunOptions { is_controlled: true, ..options })?)?;
         let noise_seed = scenario.bench.noise_seed();
@@ -310,7 +331,8 @@ impl<'a> Flight<'a> {
         if !log.exists() {
             bail!("tracker.command: {program} wrote no {}", log.display());
         }
-        Ok(())
+        // A log that cannot be read ends the flight at its first case.
+        read_log(log, &self.plan.tracker.log_form()).map(drop)
     }
 }
 
@@ -365,7 +387,7 @@ impl Sink for Unused {
 fn remove_images(folder: &Path) -> Result<()> {
     for entry in std::fs::read_dir(folder).with_context(|| folder.display().to_string())? {
         let path = entry?.path();
-        if path.extension().is_some_and(|ending| ending == "fits") {
+        if path.extension().is_some_and(|ending| ending == "fits" || ending == "png") {
             std::fs::remove_file(&path).with_context(|| path.display().to_string())?;
         }
     }

@@ -7,10 +7,10 @@
 //! plan -> fly (frames, tracker) -> frames.csv + tracker_log.csv -> record -> metrics -> requirements -> report
 //! ```
 //!
-//! Tour: `log`, `captured` (a tracker's answers) -> `record` (truth and log, matched; the error of one solution) ->
+//! Tour: `log`, `log_form`, `captured` (a tracker's answers) -> `record` (truth and log, matched; the error of one solution) ->
 //! `statistics` (intervals) -> `metric` -> `bias`, `noise` (and bandwidth), `spatial`, `slopes` (also over temperature),
 //! `availability` (and exclusion angles): the metrics -> `assess` (all of them, with names and units) -> `requirements` (and
-//! what data they lack) -> `report`; `plan`, `attitudes`, `poses`, `model_figures`, `tracker_inside`, `fly` (test plans).
+//! what data they lack) -> `report`; `plan`, `attitudes`, `poses`, `model_figures`, `tracker_inside`, `images`, `fly` (test plans).
 //!
 //! Conventions: sensor axes; the error is the small turn of the measured frame from the true one, rad, about x, y
 //! (across the boresight: directional) and z (about it: rotational).
@@ -21,8 +21,11 @@ pub mod availability;
 pub mod bias;
 mod captured;
 pub mod case_folder;
+pub mod find_axes;
 pub mod fly;
+pub mod images;
 pub mod log;
+pub mod log_form;
 pub mod metric;
 pub mod model_figures;
 pub mod noise;

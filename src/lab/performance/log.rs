@@ -6,6 +6,7 @@
 //! | `frame` | number of the frame, where the tracker knows it |
 //! | `tai_ns`, `utc`, `unix_s` | the time at which the attitude holds |
 //! | `q_w q_x q_y q_z` (or `qw`...; `q0 q1 q2 q3`; `q1 q2 q3 q4`) | the attitude; empty: no solution |
+//! | `ra_deg dec_deg roll_deg` (or `ra dec roll`) | the attitude in degrees, with the roll of `log_form` |
 //! | `valid` | 0 or false: no solution |
 //! | `latency_ms`, or `available_tai_ns`, `available_utc` | when the attitude was there: after the time at which it holds, or absolute |
 //! | `stars` | stars that were used |
@@ -13,8 +14,10 @@
 //! Lines of JSON may have the attitude as a list, `q` or `q_wxyz`, and `sent_tai_ns` or `sent_utc` for when it was
 //! there: those that `[[tracker_out]]` sends are such lines. Captures of a bus are read by `captured`.
 //!
-//! A remark `# sense: icrf_from_body` before the rows says that quaternions are the conjugate of this program's.
+//! A remark `# sense: icrf_from_body` before the rows says that quaternions are the conjugate of this program's; `# roll:`
+//! and `# axes:` are those of `log_form`.
 
+use crate::log_form::{LogForm, Roll, remark};
 use crate::{captured, captured::Captured, record::LogRow};
 use anyhow::{Context, Result, bail};
 use base::{axes::WRITTEN_NORM_TOLERANCE, time::Tai};
@@ -26,28 +29,89 @@ use std::{collections::HashMap, path::Path};
 const QUATERNIONS: [[&str; 4]; 4] =
     [["q_w", "q_x", "q_y", "q_z"], ["qw", "qx", "qy", "qz"], ["q0", "q1", "q2", "q3"], ["q4", "q1", "q2", "q3"]];
 
-/// Reads a log.
+/// Names of right ascension, declination and roll.
+const ANGLES: [[&str; 3]; 2] = [["ra_deg", "dec_deg", "roll_deg"], ["ra", "dec", "roll"]];
+
+/// Names of the columns of attitudes.
+#[derive(Clone, Copy)]
+enum Columns {
+    Quaternion(&'static [&'static str; 4]),
+    Angles(&'static [&'static str; 3], Roll),
+}
+
+/// Reads a log, in the form that is stated beside it.
 ///
 /// # Errors
 /// With the file, the line, what was got and what was wanted.
-pub fn read_log(path: &Path) -> Result<Vec<LogRow>> {
+pub fn read_log(path: &Path, stated: &LogForm) -> Result<Vec<LogRow>> {
     let name = path.display().to_string();
     let text = read::text_of(path)?;
     let begin = text.trim_start_matches('\u{feff}').trim_start();
-    if begin.starts_with('{') {
-        return json_lines(&name, begin);
+    let form = stated.with_remarks(begin).with_context(|| name.clone())?;
+    let mut rows = rows_of(&name, &text, begin, form.roll)?;
+    for row in &mut rows {
+        row.attitude = row.attitude.map(|attitude| form.turned(attitude));
+    }
+    Ok(rows)
+}
+
+/// Reads rows whose attitudes are in the tracker's own axes.
+fn rows_of(name: &str, text: &str, begin: &str, roll: Option<Roll>) -> Result<Vec<LogRow>> {
+    let first = begin.lines().map(str::trim).find(|line| !line.is_empty() && !line.starts_with('#'));
+    if first.is_some_and(|line| line.starts_with('{')) {
+        return json_lines(name, begin, roll);
     }
     let is_attitude_file = begin.starts_with('<') || begin.starts_with("CCSDS_") || begin.starts_with("stk.");
     if is_attitude_file || begin.starts_with("COMMENT") {
-        return attitude_file(&name, &text);
+        refuse_roll(name, roll)?;
+        return attitude_file(name, text);
     }
     if captured::is_capture(begin) {
-        return match captured::read(&name, begin)? {
-            Captured::Rows(rows) => Ok(rows),
-            Captured::Json(lines) => json_lines(&name, &lines),
+        return match captured::read(name, begin)? {
+            Captured::Rows(rows) => refuse_roll(name, roll).map(|()| rows),
+            Captured::Json(lines) => json_lines(name, &lines, roll),
         };
     }
-    table(&name, begin)
+    table(name, begin, roll)
+}
+
+/// Refuses the convention of a roll for a log that has none.
+fn refuse_roll(name: &str, roll: Option<Roll>) -> Result<()> {
+    if roll.is_some() {
+        bail!(
+            "{name}: got quaternions and the convention of a roll; wanted ra_deg,dec_deg,roll_deg with it, or no roll"
+        );
+    }
+    Ok(())
+}
+
+/// Returns the names of the columns with the attitude; `None` where there are none.
+///
+/// # Errors
+/// When there is a roll without a convention, or a convention without a roll.
+fn columns(name: &str, has: &dyn Fn(&str) -> bool, roll: Option<Roll>) -> Result<Option<Columns>> {
+    if let Some(quaternion) = QUATERNIONS.iter().find(|names| names.iter().all(|name| has(name))) {
+        return refuse_roll(name, roll).map(|()| Some(Columns::Quaternion(quaternion)));
+    }
+    let Some(angles) = ANGLES.iter().find(|names| names.iter().all(|name| has(name))) else { return Ok(None) };
+    match roll {
+        Some(roll) => Ok(Some(Columns::Angles(angles, roll))),
+        None => bail!(
+            "{name}: got {} without the convention of the roll; wanted a remark such as # roll: tetra3 before the rows, --roll, \
+             or tracker.roll of a plan: {}",
+            angles.join(","),
+            Roll::WORDS.map(|(word, _)| word).join(", ")
+        ),
+    }
+}
+
+/// Returns whether a remark says that quaternions are the conjugate of this program's.
+fn is_conjugate(name: &str, text: &str) -> Result<bool> {
+    match remark(text, "sense") {
+        None | Some("body_from_icrf" | "sensor_from_icrf") => Ok(false),
+        Some("icrf_from_body" | "icrf_from_sensor") => Ok(true),
+        Some(other) => bail!("{name}: got the sense \"{other}\", wanted body_from_icrf or icrf_from_body"),
+    }
 }
 
 fn attitude_file(name: &str, text: &str) -> Result<Vec<LogRow>> {
@@ -61,21 +125,20 @@ fn attitude_file(name: &str, text: &str) -> Result<Vec<LogRow>> {
     Ok(states.map(row).collect())
 }
 
-fn table(name: &str, text: &str) -> Result<Vec<LogRow>> {
-    let remarks = text.lines().take_while(|line| line.trim_start().starts_with('#'));
-    let sense = remarks.filter_map(|line| line.trim_start_matches(['#', ' ']).strip_prefix("sense:")).last();
-    let is_conjugate = match sense.map(str::trim) {
-        None | Some("body_from_icrf" | "sensor_from_icrf") => false,
-        Some("icrf_from_body" | "icrf_from_sensor") => true,
-        Some(other) => bail!("{name}: got the sense \"{other}\", wanted body_from_icrf or icrf_from_body"),
-    };
+fn table(name: &str, text: &str, roll: Option<Roll>) -> Result<Vec<LogRow>> {
+    let is_conjugate = is_conjugate(name, text)?;
     let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).trim(csv::Trim::All).from_reader(text.as_bytes());
     let header: Vec<String> =
         reader.headers().with_context(|| name.to_owned())?.iter().map(str::to_ascii_lowercase).collect();
-    let quaternion = QUATERNIONS.iter().find(|names| names.iter().all(|name| header.iter().any(|known| known == name)));
-    let Some(quaternion) = quaternion else {
-        bail!("{name}: got the columns {}; wanted a quaternion: q_w,q_x,q_y,q_z", header.join(","));
+    let Some(columns) = columns(name, &|wanted| header.iter().any(|known| known == wanted), roll)? else {
+        bail!(
+            "{name}: got the columns {}; wanted a quaternion, q_w,q_x,q_y,q_z, or ra_deg,dec_deg,roll_deg",
+            header.join(",")
+        );
     };
+    if is_conjugate && matches!(columns, Columns::Angles(..)) {
+        bail!("{name}: got # sense: for right ascension, declination and roll; wanted it for quaternions only");
+    }
     if !["frame", "tai_ns", "utc", "unix_s"].iter().any(|wanted| header.iter().any(|known| known == wanted)) {
         bail!("{name}: got the columns {}; wanted frame, tai_ns, utc or unix_s", header.join(","));
     }
@@ -84,16 +147,18 @@ fn table(name: &str, text: &str) -> Result<Vec<LogRow>> {
         let record = record.with_context(|| name.to_owned())?;
         let line = record.position().map_or(0, csv::Position::line);
         let cells: HashMap<&str, &str> = header.iter().map(String::as_str).zip(record.iter()).collect();
-        let mut row = row(&cells, quaternion).with_context(|| format!("{name}, line {line}"))?;
+        let mut row = row(&cells, columns).with_context(|| format!("{name}, line {line}"))?;
         row.attitude = row.attitude.map(|q| if is_conjugate { q.conjugate() } else { q });
         rows.push(row);
     }
     Ok(rows)
 }
 
-fn json_lines(name: &str, text: &str) -> Result<Vec<LogRow>> {
+fn json_lines(name: &str, text: &str, roll: Option<Roll>) -> Result<Vec<LogRow>> {
     let mut rows = Vec::new();
-    for (number, line) in text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
+    let is_row = |line: &str| !line.trim().is_empty() && !line.trim_start().starts_with('#');
+    let is_conjugate = is_conjugate(name, text)?;
+    for (number, line) in text.lines().enumerate().filter(|(_, line)| is_row(line)) {
         let place = || format!("{name}, line {}", number + 1);
         let object: serde_json::Map<String, serde_json::Value> = serde_json::from_str(line).with_context(place)?;
         let text_of = |value: &serde_json::Value| match value {
@@ -116,14 +181,17 @@ fn json_lines(name: &str, text: &str) -> Result<Vec<LogRow>> {
             }
         }
         let cells: HashMap<&str, &str> = texts.iter().map(|(key, value)| (key.as_str(), value.as_str())).collect();
-        let known = QUATERNIONS.iter().find(|names| names.iter().all(|name| cells.contains_key(name)));
-        rows.push(row(&cells, known.unwrap_or(&QUATERNIONS[0])).with_context(place)?);
+        // A line without a solution may have neither.
+        let columns = columns(name, &|wanted| cells.contains_key(wanted), roll)?;
+        let mut row = row(&cells, columns.unwrap_or(Columns::Quaternion(&QUATERNIONS[0]))).with_context(place)?;
+        row.attitude = row.attitude.map(|q| if is_conjugate { q.conjugate() } else { q });
+        rows.push(row);
     }
     Ok(rows)
 }
 
 /// One row of cells by their names.
-fn row(cells: &HashMap<&str, &str>, quaternion: &[&str; 4]) -> Result<LogRow> {
+fn row(cells: &HashMap<&str, &str>, columns: Columns) -> Result<LogRow> {
     let cell = |name: &str| cells.get(name).copied().filter(|text| !text.is_empty());
     let time = |absolute: &str, utc: &str| -> Result<Option<i64>> {
         if let Some(ns) = whole(cell(absolute), absolute)? {
@@ -144,25 +212,38 @@ fn row(cells: &HashMap<&str, &str>, quaternion: &[&str; 4]) -> Result<LogRow> {
         available_ns = Some(at_ns.saturating_add(latency_ns));
     }
     let is_valid = !matches!(cell("valid"), Some("0" | "false" | "False" | "no"));
-    let mut attitude = [f64::NAN; 4];
-    for (value, name) in attitude.iter_mut().zip(quaternion) {
-        *value = number(cell(name), name)?.unwrap_or(f64::NAN);
-    }
-    let is_given = attitude.iter().all(|value| value.is_finite());
-    if is_valid && is_given {
-        let norm = attitude.iter().map(|value| value * value).sum::<f64>().sqrt();
-        if (norm - 1.0).abs() > WRITTEN_NORM_TOLERANCE {
-            bail!("got a quaternion of norm {norm}, wanted 1 within {WRITTEN_NORM_TOLERANCE}");
+    let attitude = match columns {
+        Columns::Quaternion(names) => numbers(cells, names)?.filter(|_| is_valid).map(quaternion).transpose()?,
+        Columns::Angles(names, roll) => {
+            numbers(cells, names)?.filter(|_| is_valid).map(|angles| roll.attitude(angles)).transpose()?
         }
-    }
-    let [w, x, y, z] = attitude;
+    };
     Ok(LogRow {
         frame: whole(cell("frame"), "frame")?.map(u32::try_from).transpose().context("frame")?,
         at_ns,
-        attitude: (is_valid && is_given).then(|| DQuat::from_xyzw(x, y, z, w).normalize()),
+        attitude,
         available_ns,
         stars: whole(cell("stars"), "stars")?.map(u32::try_from).transpose().context("stars")?,
     })
+}
+
+/// Returns the numbers of cells; `None` where one is missing.
+fn numbers<const N: usize>(cells: &HashMap<&str, &str>, names: &[&str; N]) -> Result<Option<[f64; N]>> {
+    let mut found = [f64::NAN; N];
+    for (value, name) in found.iter_mut().zip(names) {
+        let cell = cells.get(name).copied().filter(|text| !text.is_empty());
+        *value = number(cell, name)?.unwrap_or(f64::NAN);
+    }
+    Ok(found.iter().all(|value| value.is_finite()).then_some(found))
+}
+
+fn quaternion([w, x, y, z]: [f64; 4]) -> Result<DQuat> {
+    let written = DQuat::from_xyzw(x, y, z, w);
+    let norm = written.length();
+    if (norm - 1.0).abs() > WRITTEN_NORM_TOLERANCE {
+        bail!("got a quaternion of norm {norm}, wanted 1 within {WRITTEN_NORM_TOLERANCE}");
+    }
+    Ok(written.normalize())
 }
 
 fn number(cell: Option<&str>, name: &str) -> Result<Option<f64>> {
@@ -181,7 +262,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("log.csv");
         std::fs::write(&path, text).unwrap();
-        read_log(&path)
+        read_log(&path, &LogForm::default())
     }
 
     #[test]
@@ -232,6 +313,30 @@ mod tests {
         let far = refused("frame,qw,qx,qy,qz\n1,1,0,0,0\n2,1,1,0,0\n");
         assert!(far.contains("line 3") && far.contains("norm"), "{far}");
         assert!(refused("frame,qw,qx,qy,qz\nx,1,0,0,0\n").contains("wanted a whole number"));
+        assert!(refused("frame,ra,dec,roll\n1,2,3,4\n").contains("without the convention of the roll"));
+        assert!(refused("# roll: up\nframe,ra,dec,roll\n1,2,93,4\n").contains("line 3: got a declination of 93"));
+        assert!(refused("# roll: up\nframe,qw,qx,qy,qz\n1,1,0,0,0\n").contains("or no roll"));
+        assert!(refused("# roll: up\n# sense: icrf_from_body\nframe,ra,dec,roll\n1,2,3,4\n").contains("only"));
         assert!(refused("# sense: other\nframe,qw,qx,qy,qz\n1,1,0,0,0\n").contains("sense \"other\""));
+    }
+
+    #[test]
+    fn angles_and_axes_are_attitudes_of_the_sensor() {
+        let of = |text: &str| read_text(text).unwrap()[0].attitude;
+        let wanted = Roll::Up.attitude([83.8, -1.2, 37.0]);
+        let wanted = wanted.unwrap();
+        let is_it = |text: &str| of(text).unwrap().dot(wanted).abs() > 1.0 - 1e-12;
+        assert!(is_it("# roll: lost\nframe,ra_deg,dec_deg,roll_deg\n1,83.8,-1.2,37\n"));
+        assert!(is_it("# roll: tetra3\nframe,RA,Dec,Roll\n1,83.8,-1.2,-37\n"));
+        assert!(is_it("# roll: astrometry\nframe,ra,dec,roll\n1,83.8,-1.2,217\n"));
+        assert!(!is_it("# roll: tetra3\nframe,ra,dec,roll\n1,83.8,-1.2,37\n"), "control: another convention");
+        assert!(is_it("# roll: lost\n{\"frame\": 1, \"ra\": 83.8, \"dec\": -1.2, \"roll\": 37}\n"));
+        assert_eq!(of("# roll: lost\nframe,ra,dec,roll\n1,,,\n"), None);
+        // The same sky in axes whose x is the boresight, y image left and z image up.
+        let axes: crate::log_form::Axes = "-y -z x".parse().unwrap();
+        let own = axes.quat().conjugate() * wanted;
+        let row = format!("frame,qw,qx,qy,qz\n1,{},{},{},{}\n", own.w, own.x, own.y, own.z);
+        assert!(is_it(&format!("# axes: -y -z x\n{row}")));
+        assert!(!is_it(&row), "control: without its axes");
     }
 }

@@ -15,7 +15,9 @@ th{background:var(--head)}td.n{text-align:right;font-variant-numeric:tabular-num
 svg{max-width:100%;height:auto;margin:.6em 0}.card{background:#fff;display:inline-block;max-width:100%}\
 svg.line{width:760px;font-size:12px;fill:var(--ink)}svg.line .mark{stroke:var(--mark);stroke-width:4;fill:none}svg.line .axis{stroke:var(--ink)}\
 figure{display:inline-block;vertical-align:top;margin:.4em 1em .4em 0;max-width:18em}figure img{image-rendering:pixelated;max-width:100%;border:1px solid var(--line)}figcaption{font-size:.8em}\
-@media print{:root{color-scheme:light;--ink:#222;--paper:#fff;--line:#d9d9d9;--head:#f3f3f3;--small:#555}body{max-width:none}table{width:100%}h1{print-color-adjust:exact;-webkit-print-color-adjust:exact}h2{break-after:avoid}svg{break-inside:avoid}}";
+@media print{@page{margin:14mm}:root{color-scheme:light;--ink:#222;--paper:#fff;--line:#d9d9d9;--head:#f3f3f3;--small:#555}body{max-width:none;margin:0;padding:0;font-size:11px}\
+.wide{overflow:visible}table{width:100%}th,td{padding:.15em .4em;overflow-wrap:break-word}td:last-child{overflow-wrap:anywhere;min-width:6em}.how,td.sign{min-width:0}thead{display:table-header-group}tr,figure,svg,.card{break-inside:avoid}\
+h1,tr.bad td,tr.open td{print-color-adjust:exact;-webkit-print-color-adjust:exact}h2{break-after:avoid}}";
 
 /// A page.
 #[derive(Debug, Default)]

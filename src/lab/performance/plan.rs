@@ -1,5 +1,6 @@
 //! A test plan: what is flown, with which tracker, and how numbers are said.
 
+use crate::log_form::{Axes, LogForm, Roll};
 use crate::metric::{Settings, refuse_all};
 use crate::poses::{CaseMotion, MountingDrift, Sine};
 use crate::record::{FalseLimit, Use};
@@ -71,6 +72,10 @@ pub struct TrackerUnderTest {
     /// A program and its arguments: `{frames}` is the folder of images, `{log}` the log to write, `{camera}` the camera
     /// file.
     pub command: Vec<String>,
+    /// Convention of the roll in the log of a program outside.
+    pub roll: Option<Roll>,
+    /// From the axes of a program outside to the sensor's.
+    pub axes: Option<Axes>,
     /// Figures of the statistical tracker.
     pub model: Option<ModelFigures>,
 }
@@ -84,6 +89,8 @@ impl Default for TrackerUnderTest {
             delay_ms: 50.0,
             tag_error_ms: 0.0,
             command: Vec::new(),
+            roll: None,
+            axes: None,
             model: None,
         }
     }
@@ -224,7 +231,7 @@ impl Plan {
         let mut errors = Vec::new();
         let mut note = |checked: Result<()>| errors.extend(checked.err());
         note(self.start().map(drop));
-        note(check_sinks(&self.set));
+        note(check_effects(&self.set));
         for checked in self.tracker.checks() {
             note(checked);
         }
@@ -289,12 +296,21 @@ impl Plan {
 }
 
 impl TrackerUnderTest {
+    /// Returns what is stated about its logs.
+    pub fn log_form(&self) -> LogForm {
+        LogForm { roll: self.roll, axes: self.axes, is_unturned: false }
+    }
+
     fn checks(&self) -> Vec<Result<()>> {
         let (is_program, is_model) = (self.source == Source::Program, self.source == Source::Model);
         let wanted =
             |is_good: bool, words: &'static str| if is_good { Ok(()) } else { Err(anyhow!("tracker: {words}")) };
         vec![
             wanted(is_program != self.command.is_empty(), "wanted command with source = \"program\", and only with it"),
+            wanted(
+                is_program || self.log_form() == LogForm::default(),
+                "wanted roll and axes with source = \"program\" only",
+            ),
             wanted(
                 is_model == self.model.is_some(),
                 "wanted [tracker.model] with source = \"model\", and only with it",
@@ -304,15 +320,33 @@ impl TrackerUnderTest {
     }
 }
 
-/// Refuses sinks in the run file of a case: its frames go to the tracker.
-fn check_sinks(settings: &[String]) -> Result<()> {
-    let is_sink = |set: &&String| ["sink", "extra_sink"].iter().any(|name| set.trim_start().starts_with(name));
-    match settings.iter().find(is_sink) {
+/// Parts of a run file that no frame of a case depends on, and what is so instead.
+const IDLE: [(&str, &str); 11] = [
+    ("sink", TO_THE_TRACKER),
+    ("extra_sink", TO_THE_TRACKER),
+    ("extra_head", "no extra head: a case has one head, whose frames go to the tracker"),
+    ("tracker_out", "no tracker_out: the log of a case is the tracker's"),
+    ("name", "no name: a case is called as the plan calls it"),
+    ("expect", "no expect: requirements of a plan are in its file `requirements`"),
+    ("link", NO_BUS),
+    ("extra_link", NO_BUS),
+    ("session", NO_BUS),
+    ("trigger_line", "no trigger line: a case is flown on the virtual clock"),
+    ("budget", "no budget: a case is flown on the virtual clock, on which no frame is late"),
+];
+const TO_THE_TRACKER: &str = "no sink: the frames of a case go to the tracker, to a program as FITS files (--images adds \
+                              PNGs, --keep-images keeps them)";
+const NO_BUS: &str = "no bus: the attitudes of a case come from the plan";
+
+/// Refuses values that would have no effect on what flies.
+fn check_effects(settings: &[String]) -> Result<()> {
+    let words = |set: &String| {
+        let part = set.trim_start().split(['.', '[', '=', ' ']).next()?;
+        IDLE.iter().find(|(idle, _)| *idle == part).map(|(_, words)| *words)
+    };
+    match settings.iter().find_map(|set| Some((set, words(set)?))) {
         None => Ok(()),
-        Some(set) => bail!(
-            "set: got \"{set}\", wanted no sink: the frames of a case go to the tracker, to a program as FITS files (--keep-images \
-             keeps them)"
-        ),
+        Some((set, words)) => bail!("set: got \"{set}\", wanted {words}"),
     }
 }
 
@@ -324,7 +358,7 @@ impl PlanCase {
             self.check_sine(self.frame_rate_hz.unwrap_or(plan_rate_hz)),
             self.mounting_drift.map_or(Ok(()), |drift| drift.check()),
             self.check_sweep(),
-            check_sinks(&self.set),
+            check_effects(&self.set),
         ]
     }
 
@@ -478,8 +512,22 @@ mod tests {
         assert!(refused(&format!("{BEGIN}{CASE}set = [\"a={{value}}\"]\n")).contains("without a sweep"));
         assert!(refused(&format!("{BEGIN}{CASE}acceleration_deg_s2 = [1, 0, 0]\n")).contains("along the axis"));
         assert!(refused(&format!("{BEGIN}{CASE}[tracker]\nsource = \"program\"\n")).contains("command"));
+        let axes = "[tracker]\nroll = \"tetra3\"\naxes = \"-y -z x\"\n";
+        assert!(refused(&format!("{BEGIN}{CASE}{axes}")).contains("roll and axes with source"));
+        let program = format!("{BEGIN}{CASE}{axes}source = \"program\"\ncommand = [\"a\"]\n");
+        assert_eq!(parse(&program).unwrap().tracker.roll, Some(Roll::North), "control");
+        assert!(refused(&program.replace("-y -z x", "x y -z")).contains("right-handed"));
+        assert!(refused(&program.replace("tetra3", "tetra")).contains("cedar-solve"));
         let png = format!("{BEGIN}set = [\"sink.png_every=1\"]\n{CASE}");
         assert!(refused(&png).contains("got \"sink.png_every=1\", wanted no sink"), "{}", refused(&png));
+        let set = |key: &str| format!("{BEGIN}{CASE}set = [\"{key}\"]\n");
+        for (part, words) in IDLE {
+            for key in [format!("{part}.x=1"), format!("{part}[0].x=1"), format!("{part} = 1")] {
+                assert!(refused(&set(&key)).contains(&format!("got \"{key}\", wanted {words}")), "{key}");
+            }
+            assert!(parse(&set(&format!("{part}s.x=1"))).is_ok(), "control: another key that begins so");
+        }
+        assert!(parse(&set("camera.exposure.exposure_s=0.1")).is_ok(), "control");
         assert!(refused(&format!("{BEGIN}{CASE}sine_arcsec = [9, 0, 0]\n")).contains("bandwidth"));
         let sine = CASE.replace("use = \"slew\"", "use = \"bandwidth\"");
         assert!(refused(&format!("{BEGIN}{sine}")).contains("sine_arcsec: wanted one"));

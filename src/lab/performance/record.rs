@@ -151,6 +151,14 @@ impl Judged {
         }
     }
 
+    /// Returns the error of an attitude, right or false, rad.
+    pub fn any_error_rad(&self) -> Option<DVec3> {
+        match self.fate {
+            Fate::Right(error) | Fate::False(error) => Some(error),
+            Fate::Nothing => None,
+        }
+    }
+
     /// Returns true for a right attitude.
     pub fn is_right(&self) -> bool {
         self.error_rad().is_some()

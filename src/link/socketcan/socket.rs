@@ -133,6 +133,8 @@ pub enum Receives {
     Stimulator,
     /// Frames for a CANopen node of this number: NMT, SYNC and requests of SDO clients.
     CanOpenNode(u8),
+    /// Reports and heartbeat of a CANopen node of this number: its master's side.
+    CanOpenMaster(u8),
     /// Every data frame: monitors and tests.
     Everything,
 }
@@ -164,6 +166,10 @@ pub(super) fn filters(ids: &IdMap, receives: Receives) -> Vec<CanFilter> {
     match receives {
         Receives::FlightComputer => FROM_FLIGHT_COMPUTER.iter().map(one).collect(),
         Receives::Stimulator => FROM_STIMULATOR.iter().map(one).collect(),
+        Receives::CanOpenMaster(node) => {
+            let ids = [0x180, 0x280, 0x380, 0x700].map(|id| id + u16::from(node));
+            ids.into_iter().filter_map(CanId::standard).map(only).collect()
+        }
         Receives::CanOpenNode(node) => {
             [0x000, 0x080, 0x600 + u16::from(node)].into_iter().filter_map(CanId::standard).map(only).collect()
         }

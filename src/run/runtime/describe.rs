@@ -21,6 +21,7 @@ pub(super) fn describe_pointing(los: &LosPath, sensor_from_drawn: &Rotation<Sens
     let sensor_from_icrf = *sensor_from_drawn * los.mid_sensor_from_icrf;
     let [ra, dec, roll] = ra_dec_roll(&sensor_from_icrf).map(f64::to_degrees);
     meta.attitude_wxyz = sensor_from_icrf.wxyz();
+    meta.jitter_rad = sensor_from_drawn.apply(los.jitter_rotation_rad(0.0)).to_array();
     (meta.ra_deg, meta.dec_deg, meta.roll_deg) = (ra, dec, roll);
     meta.rate_deg_s = sensor_from_drawn.apply(los.rate_rad_s).to_array().map(f64::to_degrees);
     meta.gain_e_per_dn = f64::NAN;
@@ -41,6 +42,7 @@ pub fn fill_meta(
     meta.mid_exposure = los.mid_exposure();
     meta.exposure_s = los.exposure_s;
     meta.attitude_wxyz = los.mid_sensor_from_icrf.wxyz();
+    meta.jitter_rad = los.jitter_rotation_rad(0.0).to_array();
     (meta.ra_deg, meta.dec_deg, meta.roll_deg) = (ra, dec, roll);
     meta.rate_deg_s = los.rate_rad_s.to_array().map(f64::to_degrees);
     (meta.seed, meta.noise_seed) = (seeds.sensor, seeds.noise);

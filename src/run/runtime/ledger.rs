@@ -86,6 +86,10 @@ events! {
     SinkLost = "sink_lost",
     /// The telemetry of a star tracker lost a frame or a packet.
     TelemetryLost = "telemetry_lost",
+    /// A star tracker outside answered a frame later than its bench allows; the span is mid-exposure to answer.
+    AnswerLate = "answer_late",
+    /// A star tracker outside did not answer a frame; the span is how long the answer was waited for.
+    AnswerMissing = "answer_missing",
     /// A thread beside the run ended before it did; the event names it.
     ThreadLost = "thread_lost",
     /// An attitude arrived before the clocks were correlated.

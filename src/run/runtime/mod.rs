@@ -40,6 +40,7 @@ pub mod reply;
 pub mod session;
 pub mod shutter;
 mod slot;
+pub mod tracker_in;
 pub mod tracker_out;
 pub mod triggers;
 pub mod virtual_time;

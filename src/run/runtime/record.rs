@@ -322,6 +322,8 @@ fn event_line(event: &Event) -> EventLine {
 pub struct Missing {
     /// Its kind.
     pub kind: EventKind,
+    /// Word of the verdict that it leads to.
+    pub word: RunWord,
     /// Words that follow its count.
     pub words: &'static str,
     /// Key of its limit; empty where nothing is allowed.
@@ -331,20 +333,37 @@ pub struct Missing {
 }
 
 /// Returns every kind of event that means that something is missing, with its limit.
-pub fn missing(limits: &RunLimits) -> [Missing; 11] {
-    let never = |kind, words| Missing { kind, words, key: "", limit: None };
+pub fn missing(limits: &RunLimits) -> [Missing; 13] {
+    let word = RunWord::Incomplete;
+    let limited = |kind, words, key, limit| Missing { kind, word, words, key, limit };
+    let never = |kind, words| Missing { kind, word, words, key: "", limit: None };
     [
+        limited(
+            EventKind::JitterMissing,
+            "frames without a part of their jitter samples",
+            "jitter_missing_frames_at_most",
+            limits.jitter_missing,
+        ),
+        limited(
+            EventKind::LinkOverflow,
+            "times packets were lost on a link or could not be sent",
+            "packets_lost_at_most",
+            limits.packets_lost,
+        ),
+        limited(
+            EventKind::AnswerMissing,
+            "frames without an answer of their tracker outside",
+            "missing_answers_at_most",
+            limits.answers_missing,
+        ),
         Missing {
-            kind: EventKind::JitterMissing,
-            words: "frames without a part of their jitter samples",
-            key: "jitter_missing_frames_at_most",
-            limit: limits.jitter_missing,
-        },
-        Missing {
-            kind: EventKind::LinkOverflow,
-            words: "times packets were lost on a link or could not be sent",
-            key: "packets_lost_at_most",
-            limit: limits.packets_lost,
+            word: RunWord::Late,
+            ..limited(
+                EventKind::AnswerLate,
+                "late answers of trackers outside",
+                "late_answers_at_most",
+                limits.answers_late,
+            )
         },
         never(EventKind::QueueOverflow, "times messages were lost in a full queue"),
         never(EventKind::TriggerEdgeLost, "times edges of trigger lines were lost"),
@@ -365,10 +384,10 @@ pub(super) fn word_so_far(limits: &RunLimits, ledger: &Ledger, account: &FrameAc
     if lost.iter().any(|kind| ledger.count(*kind) > 0) {
         return RunWord::Lost;
     }
-    let is_incomplete = is_above(EventKind::LinkLost, limits.links_lost)
-        || missing(limits).iter().any(|missing| is_above(missing.kind, missing.limit));
-    let word = if is_incomplete { RunWord::Incomplete } else { RunWord::Ok };
-    word.max(limits.word(account))
+    let of_links = is_above(EventKind::LinkLost, limits.links_lost).then_some(RunWord::Incomplete);
+    let missing = missing(limits).into_iter().filter(|missing| is_above(missing.kind, missing.limit));
+    let words = missing.map(|missing| missing.word).chain(of_links);
+    words.fold(limits.word(account), RunWord::max)
 }
 
 /// Result of a run, whether it ended well or not.

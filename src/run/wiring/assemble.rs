@@ -10,7 +10,7 @@
 //! events of the file last. Tests: `tests/closed_loop`, above all `matrix`.
 
 use crate::runtime::receiver::Receiver;
-use crate::runtime::{Head, Hygiene, Imager};
+use crate::runtime::{Head, Hygiene, Imager, tracker_in::TrackerIn};
 use crate::wiring::faults::{FaultDesk, Inventory, in_order_of_placing, lock};
 use crate::wiring::heads::{CostsHere, HeadSetting, make_heads, make_receiver, size_of, take_sink};
 use crate::wiring::memory::{RunForm, RunMemory};
@@ -18,6 +18,7 @@ use crate::wiring::ports::{Cable, arm, is_unreachable, needs_real_clock};
 use crate::wiring::run_clock::{RunClock, RunClockKind, RunTimes, note_lag, planned_start, start_clock};
 use crate::wiring::sinks::{directory_of_head, make_sinks};
 use crate::wiring::taps::{CaptureOptions, LiveOptions, LiveTap, Taps};
+use crate::wiring::tracker_ins::open_trackers;
 use crate::wiring::tracker_outs::{TrackerOuts, WaitingOut, tap_heads};
 use crate::wiring::{
     cable::CableSetting, error::Result, far_side::FarSide, sink_setting::SinkSetting, steering::Steering,
@@ -104,6 +105,8 @@ pub struct Run {
     waiting_outs: Vec<WaitingOut>,
     /// Trackers whose lines are open.
     pub(super) outs: TrackerOuts,
+    /// Star trackers outside, until the far end takes them.
+    trackers: Vec<TrackerIn>,
     /// Delay of the bench's clock behind the machine's clock, if it was to start at the machine's time.
     lag: Span,
 }
@@ -178,6 +181,7 @@ impl Run {
             is_controlled,
             waiting_outs: outs,
             outs: TrackerOuts::default(),
+            trackers: Vec::new(),
             cable,
             lag: Span::ZERO,
         })
@@ -205,6 +209,7 @@ impl Run {
         let cable = Cable::open(&setting)?;
         let waiting = core::mem::take(&mut self.waiting_outs);
         self.outs = TrackerOuts::open(waiting, cable.bus.as_ref(), &self.clock, self.times)?;
+        self.trackers = open_trackers(&self.scenario.bench, &mut self.heads, cable.bus.as_ref(), &self.clock)?;
         self.cable = Some(cable);
         Ok(())
     }
@@ -222,6 +227,7 @@ impl Run {
         let mountings = self.heads.iter().map(|head| head.mounting).collect();
         let desks = self.tracker_desks();
         let mut far = FarSide::new(&self.scenario, port, (trackers, desks), (self.times, mountings))?;
+        far.add_trackers(core::mem::take(&mut self.trackers));
         if let Some(on_row) = self.on_row.take() {
             far.on_row = on_row;
         }
@@ -271,7 +277,9 @@ impl Run {
     pub fn notes(&self) -> Vec<String> {
         let cable = self.cable.as_ref().map(Cable::notes).unwrap_or_default();
         let live = self.taps.live.as_ref().map(LiveTap::notes).unwrap_or_default();
-        note_lag(self.lag).into_iter().chain(live).chain(cable).chain(self.outs.notes().to_vec()).collect()
+        let trackers = self.trackers.iter().map(TrackerIn::words);
+        let notes = note_lag(self.lag).into_iter().chain(live).chain(cable);
+        notes.chain(self.outs.notes().to_vec()).chain(trackers).collect()
     }
 }
 

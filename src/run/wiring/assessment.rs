@@ -4,6 +4,7 @@
 //! Only sums are kept, so that a run of a hundred hours needs no more memory than one of a minute.
 
 use crate::runtime::{EventKind, RunRecord};
+use crate::wiring::invariants::Invariants;
 use base::time::{Span, Tai};
 use base::units::ARCSEC;
 use config::{Expect, ExpectFrames};
@@ -15,8 +16,8 @@ use testbed::vehicle::TelemetryRow;
 
 /// Number of mode changes kept in full; further ones are only counted.
 const MODE_EVENTS_KEPT: usize = 256;
-/// Number of violations kept in words; further ones are only counted.
-const VIOLATIONS_KEPT: usize = 32;
+/// Number of refused commands kept in words.
+const REFUSALS_KEPT: usize = 32;
 
 /// Mean square of a vector, by axes across and along the boresight.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -67,7 +68,7 @@ pub struct ModeLine {
     pub cause: String,
 }
 
-/// One expectation or invariant and its result.
+/// One expectation and its result.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Verdict {
     /// Name of the quantity that was checked.
@@ -106,8 +107,8 @@ pub struct Assessment {
     tracker_variance: (f64, u64),
     /// Largest micro-vibration, rad, and the wheel speed at that time, rad/s.
     vibration: (f64, f64),
-    violations: u64,
-    violation_lines: Vec<String>,
+    /// The invariants so far.
+    pub invariants: Invariants,
     refusals: Vec<String>,
     frames_held_to_truth: u64,
     /// The number of frames that could not be compared with the truth.
@@ -149,8 +150,7 @@ impl Assessment {
             solved_rows: 0,
             tracker_variance: (0.0, 0),
             vibration: (0.0, 0.0),
-            violations: 0,
-            violation_lines: Vec::new(),
+            invariants: Invariants::default(),
             refusals: Vec::new(),
             frames_held_to_truth: 0,
             frames_unchecked: 0,
@@ -203,14 +203,6 @@ impl Assessment {
         }
     }
 
-    /// Records a violated invariant.
-    pub fn violate(&mut self, what: impl FnOnce() -> String) {
-        self.violations += 1;
-        if self.violation_lines.len() < VIOLATIONS_KEPT {
-            self.violation_lines.push(what());
-        }
-    }
-
     /// Records the distance from the truth of a frame that claims to show it.
     pub fn note_rendered(&mut self, error_rad: f64) {
         self.frames_held_to_truth += 1;
@@ -226,7 +218,7 @@ impl Assessment {
     pub fn first_failure(&self, predicted_arcsec: Option<f64>, record: &RunRecord) -> Option<String> {
         let failed = self.verdicts(predicted_arcsec, record).into_iter().find(|verdict| !verdict.passed);
         let failed = failed.map(|verdict| format!("{}: wanted {}, got {}", verdict.name, verdict.wanted, verdict.got));
-        failed.or_else(|| self.violation_lines.first().cloned())
+        failed.or_else(|| self.violations().1.first().cloned())
     }
 
     /// Returns the number of frames compared with the truth, and the largest distance from it, arcsec.
@@ -236,7 +228,7 @@ impl Assessment {
 
     /// Records a command that the flight computer refused.
     pub fn note_refusal(&mut self, why: &str) {
-        if self.refusals.len() < VIOLATIONS_KEPT {
+        if self.refusals.len() < REFUSALS_KEPT {
             self.refusals.push(why.into());
         }
     }
@@ -248,7 +240,7 @@ impl Assessment {
 
     /// Returns the violated invariants so far: their number, and the first few in words.
     pub fn violations(&self) -> (u64, &[String]) {
-        (self.violations, &self.violation_lines)
+        self.invariants.violations()
     }
 
     /// Returns the CRC-32 over every row's bytes.

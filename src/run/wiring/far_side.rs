@@ -2,6 +2,7 @@
 //!
 //! The owner of the clock steps it; it never reads a clock itself.
 
+use crate::runtime::tracker_in::{Answer, TrackerIn};
 use crate::runtime::{error::FarEndError, frame_faults::NEVER, outside_tracker::commands_of};
 use crate::wiring::error::{LoopError, Result};
 use crate::wiring::faults::{Aboard, Placed};
@@ -41,6 +42,10 @@ pub(super) struct FarSide {
     watched: Vec<Watched>,
     /// Frames that came before their time tag, each with its deadline and head.
     waiting: Vec<(Tai, usize, TappedFrame)>,
+    /// Star trackers outside.
+    trackers: Vec<TrackerIn>,
+    /// Their answers that go aboard next.
+    answers: Vec<Answer>,
     /// Faults and commands aboard, the next one last.
     pub(super) aboard: Vec<(Tai, Aboard)>,
     pub(super) witness: Witness,
@@ -73,11 +78,42 @@ impl FarSide {
             desks,
             waiting: Vec::new(),
             watched: Vec::new(),
+            trackers: Vec::new(),
+            answers: Vec::new(),
             longest_slew: scenario.vehicle().map_or(Span::ZERO, longest_slew),
             aboard: Vec::new(),
             witness: Witness::new(scenario, mountings, zero, end),
             on_row: Box::new(|_| {}),
         })
+    }
+
+    /// Adds star trackers outside: each takes the place of the spacecraft's own at its head, if there is one.
+    pub(super) fn add_trackers(&mut self, trackers: Vec<TrackerIn>) {
+        if let Some(vehicle) = self.vehicle_mut() {
+            trackers.iter().for_each(|tracker| vehicle.heads.hand_over(tracker.head()));
+        }
+        self.trackers = trackers;
+    }
+
+    /// Returns true when star trackers outside answer.
+    pub(super) fn has_trackers(&self) -> bool {
+        !self.trackers.is_empty()
+    }
+
+    /// Returns the star trackers outside, at the end.
+    pub(super) fn take_trackers(&mut self) -> Vec<TrackerIn> {
+        core::mem::take(&mut self.trackers)
+    }
+
+    /// Passes the answers of trackers outside to the spacecraft, if one is flown.
+    fn take_answers(&mut self, now: Tai) {
+        self.trackers.iter_mut().for_each(|tracker| tracker.listen(now, &mut self.answers));
+        let mut answers = core::mem::take(&mut self.answers);
+        if let Some(vehicle) = self.vehicle_mut() {
+            answers.iter().for_each(|answer| vehicle.heads.take_answer(answer.head, answer.frame, answer.outcome, now));
+        }
+        answers.clear();
+        self.answers = answers;
     }
 
     /// Returns true when there is anything to step.
@@ -147,6 +183,7 @@ impl FarSide {
             computer.listen(now, port)?;
         }
         self.take_frames(now);
+        self.take_answers(now);
         while let Some((_, action)) = self.aboard.last().copied().filter(|(at, _)| *at <= now) {
             self.aboard.pop();
             self.do_aboard(action)?;

@@ -32,8 +32,11 @@ impl Run {
     /// Sums up telemetry, faults and invariants of a flight, and closes everything that is open.
     pub(super) fn end(self, landing: Landing) -> RunEnd {
         let Self { times, heads, receiver, desk, taps, mut cable, hygiene, clock, .. } = self;
-        let Landing { outcome, far, promise, cut_short, was_over, now, simulated_s, error } = landing;
-        let RunOutcome { record, ports, summaries, sinks: sink_lines, lost_threads, error: of_loop } = outcome;
+        let Landing { outcome, mut far, promise, cut_short, was_over, now, simulated_s, error } = landing;
+        let RunOutcome { mut record, ports, summaries, sinks: sink_lines, lost_threads, error: of_loop } = outcome;
+        let trackers = far.take_trackers().into_iter();
+        let (answers, late): (Vec<_>, Vec<_>) = trackers.map(|tracker| tracker.finish(now)).unzip();
+        late.into_iter().flatten().for_each(|(event, times)| record.ledger.note_many(event, times));
         let of_frames = heads.iter().map(|head| &head.faults).collect();
         let faults = lock(&desk).lines(of_frames, &|number| far.hits_aboard(number));
         let flown = Flown::of(far.vehicle(), &far.witness.assessment, &heads[0].engine.params);
@@ -52,6 +55,7 @@ impl Run {
             summaries,
             sink_lines,
             gateways,
+            answers,
             losses,
             hygiene: hygiene.map(|hygiene| hygiene.lines()).unwrap_or_default(),
             assessment,

@@ -173,6 +173,8 @@ pub fn needs_real_clock(bench: &Bench) -> Option<&'static str> {
         Some("gateways")
     } else if !bench.trigger_lines.is_empty() {
         Some("[[trigger_line]], a GPIO line")
+    } else if !bench.tracker_ins.is_empty() {
+        Some("[[tracker_in]], a star tracker outside")
     } else {
         tracker_outs::needs_real_clock(&bench.tracker_outs)
     }

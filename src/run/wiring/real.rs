@@ -9,7 +9,7 @@
 
 use crate::runtime::hygiene::{Hygiene, Role};
 use crate::runtime::real_head::{Setting, Sources};
-use crate::runtime::{RunError, RunRecord};
+use crate::runtime::{RunError, RunRecord, tracker_in::LOOK};
 use crate::runtime::{error::FarEndError, real_time::run_in};
 use crate::wiring::error::{LoopError, Result};
 use crate::wiring::steering::{FarOrder, Orders};
@@ -134,13 +134,14 @@ impl Flight {
     fn fly(self) -> Result<FarSide, FarEndError> {
         let Self { mut far, clock, ends, seen, orders } = self;
         // Frames and orders come at any time; only a flight computer alone knows when it next has work.
-        let looks_often = orders.is_some() || far.vehicle().is_some() || !far.is_simulated();
+        let looks_often = orders.is_some() || far.vehicle().is_some() || !far.is_simulated() || far.has_trackers();
+        let poll = if far.has_trackers() { LOOK } else { POLL };
         while !ends.over.load(Ordering::Relaxed) {
             let now = clock.now();
             orders.iter().flat_map(Queue::try_iter).for_each(|order| order(&mut far));
             let next = far.step(now)?;
             queue_rest(&mut far, &seen);
-            clock.sleep_until(if looks_often { next.min(now + POLL) } else { next });
+            clock.sleep_until(if looks_often { next.min(now + poll) } else { next });
         }
         Ok(far)
     }

@@ -6,7 +6,7 @@ use crate::wiring::verdict::{CutShort, Facts, Promise, verdict};
 use crate::wiring::{assessment::Assessment, error::LoopError, faults::FaultLine, run_clock::RunTimes};
 use base::time::{Span, Tai};
 use base::units::ARCSEC;
-use frames::report::{FrameAccount, GatewayRow, HygieneLine, Losses, RunSummary, RunVerdict};
+use frames::report::{AnswerRow, FrameAccount, GatewayRow, HygieneLine, Losses, RunSummary, RunVerdict};
 use frames::sink::{SinkLine, SinkSummary};
 use testbed::acs::{linear::PointingLoop, pointing_error::PointingNoise};
 use testbed::estimator::{GyroNoise, MekfCounts};
@@ -58,6 +58,8 @@ pub struct RunEnd {
     pub sink_lines: Vec<SinkLine>,
     /// Counters of the gateways.
     pub gateways: Vec<GatewayRow>,
+    /// Answers of each star tracker outside.
+    pub answers: Vec<AnswerRow>,
     /// Losses of a run that reached its end.
     pub losses: Losses,
     /// Requests of threads to the operating system, and their results.
@@ -126,6 +128,7 @@ impl RunEnd {
         summary.sinks = self.sink_lines.clone();
         summary.losses = self.losses.clone();
         summary.gateways.clone_from(&self.gateways);
+        summary.answers.clone_from(&self.answers);
         summary
     }
 

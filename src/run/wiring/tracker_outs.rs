@@ -18,7 +18,7 @@ use base::{clock::Clock, refused::Refused};
 use config::{OutsideTrackers, Scenario, TrackerLine, TrackerOut, TrackerProtocol, TrackerSource};
 use frames::camera_control::{CameraDesk, desk};
 use frames::sink::NullSink;
-use link::{gateway::GatewayParams, simulated::SimulatedBus};
+use link::{gateway::GatewayParams, simulated::SimulatedBus, socketcan::Receives};
 use stars::catalog::Catalog;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -268,7 +268,7 @@ fn outlet(out: &WaitingOut, bus: Option<&SimulatedBus>, clock: &RunClock) -> Res
         TrackerLine::Pty { path } => Outlet::terminal(path),
         TrackerLine::SocketCan { interface } => {
             let node = if let TrackerProtocol::CanOpen { node, .. } = out.settings.protocol { node } else { 0 };
-            Outlet::socketcan(interface, node, &clock)
+            Outlet::socketcan(interface, Receives::CanOpenNode(node), &clock)
         }
         TrackerLine::SlcanPty { path, bit_rate } => {
             let gateway = GatewayParams { slcan_pty: Some(path.clone()), ..GatewayParams::default() };

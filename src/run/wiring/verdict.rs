@@ -139,11 +139,11 @@ pub(super) fn verdict(promise: &Promise, facts: &Facts<'_>) -> RunVerdict {
     let mut verdict = RunVerdict::of_frames(&account, &facts.record.limits, facts.zero, &cause);
     add_silence(&mut verdict, promise, facts);
     add_links(&mut verdict, promise, facts);
-    for Missing { kind, words, key, limit } in missing(&facts.record.limits) {
+    for Missing { kind, word, words, key, limit } in missing(&facts.record.limits) {
         let (count, limit) = (facts.record.ledger.count(kind), limit.unwrap_or(0));
         let text = format!("{count} {words}");
         if count > u64::from(limit) {
-            verdict.add(Reason { word: RunWord::Incomplete, kind: kind.name(), count, text });
+            verdict.add(Reason { word, kind: kind.name(), count, text });
         } else if count > 0 {
             verdict.use_limit(&text, key, limit);
         }

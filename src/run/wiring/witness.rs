@@ -9,7 +9,8 @@
 //! * every frame scheduled went out or was dropped;
 //! * after the last of overlapping faults the loop points again within the stated time.
 
-use crate::{runtime::RunRecord, wiring::assessment::Assessment, wiring::faults::FaultLine};
+use crate::runtime::RunRecord;
+use crate::wiring::{assessment::Assessment, faults::FaultLine, invariants::Invariant};
 use base::axes::{Body, COMPUTED_NORM_TOLERANCE, Icrf, Rotation, Sensor};
 use base::drawn::PathOrigin;
 use base::time::{Span, Tai};
@@ -103,9 +104,11 @@ impl Witness {
         let (Some((body_from_icrf, rate_rad_s)), Some(mounting)) = (truth, self.heads.get(head)) else {
             return self.assessment.note_unchecked();
         };
-        let Some(rendered) = Rotation::<Sensor, Icrf>::from_wxyz(meta.attitude_wxyz, COMPUTED_NORM_TOLERANCE) else {
-            return self.assessment.violate(|| format!("frame {}: its attitude is not a unit quaternion", meta.number));
-        };
+        let rendered = Rotation::<Sensor, Icrf>::from_wxyz(meta.attitude_wxyz, COMPUTED_NORM_TOLERANCE);
+        self.assessment.invariants.check(Invariant::UnitAttitudes, rendered.is_some(), || {
+            format!("frame {}: its attitude is not a unit quaternion", meta.number)
+        });
+        let Some(rendered) = rendered else { return };
         let error_rad = (*mounting * body_from_icrf).rotation_vector_to(&rendered).length();
         if is_reported {
             return;
@@ -113,16 +116,13 @@ impl Witness {
         self.assessment.note_rendered(error_rad);
         let delay_s = self.delay_s(meta.mid_exposure);
         let bound_rad = RENDERED_ARCSEC * ARCSEC + rate_rad_s * (CORRELATION_S + delay_s);
-        if error_rad > bound_rad {
-            let (got, wanted) = (error_rad / ARCSEC, bound_rad / ARCSEC);
-            self.assessment.violate(|| {
-                format!(
-                    "frame {} of head {head}: rendered {got:.3} arcsec from the truth (wanted {wanted:.3}) and nothing \
-                     says so",
-                    meta.number
-                )
-            });
-        }
+        let (got, wanted) = (error_rad / ARCSEC, bound_rad / ARCSEC);
+        self.assessment.invariants.check(Invariant::FramesShowTheTruth, error_rad <= bound_rad, || {
+            format!(
+                "frame {} of head {head}: rendered {got:.3} arcsec from the truth (wanted {wanted:.3}) and nothing says so",
+                meta.number
+            )
+        });
     }
 
     /// Checks the invariants that need the end of the run.
@@ -130,20 +130,20 @@ impl Witness {
         let now_s = (now - self.assessment.zero).s();
         for fault in faults {
             let lasted_s = now_s.min(fault.until_s) - fault.from_s;
-            if fault.hits == 0 && lasted_s >= SHORTEST_FAULT_S {
+            if lasted_s >= SHORTEST_FAULT_S {
                 let (name, from_s) = (fault.name, fault.from_s);
-                self.assessment.violate(|| format!("{name} from {from_s:.3} s: nothing was hit by it"));
+                let what = || format!("{name} from {from_s:.3} s: nothing was hit by it");
+                self.assessment.invariants.check(Invariant::FaultsHit, fault.hits > 0, what);
             }
         }
         let frames = &record.frames;
-        if frames.delivered + frames.dropped != frames.scheduled {
-            self.assessment.violate(|| {
-                format!(
-                    "{} frames scheduled, but {} delivered and {} dropped",
-                    frames.scheduled, frames.delivered, frames.dropped
-                )
-            });
-        }
+        let is_whole = frames.delivered + frames.dropped == frames.scheduled;
+        self.assessment.invariants.check(Invariant::FramesAreCounted, is_whole, || {
+            format!(
+                "{} frames scheduled, but {} delivered and {} dropped",
+                frames.scheduled, frames.delivered, frames.dropped
+            )
+        });
         self.assessment
     }
 
@@ -156,9 +156,10 @@ impl Witness {
             }
             self.judged_faults += 1;
             let is_disturbed_again = self.faults.iter().any(|(from, other)| *from < deadline && *other > until);
-            if !is_disturbed_again && !self.assessment.is_on_target() {
-                let after_s = (now - until).s();
-                self.assessment.violate(|| format!("not on target {after_s:.1} s after the end of a fault"));
+            if !is_disturbed_again {
+                let (is_on_target, after_s) = (self.assessment.is_on_target(), (now - until).s());
+                let what = || format!("not on target {after_s:.1} s after the end of a fault");
+                self.assessment.invariants.check(Invariant::RecoversFromFaults, is_on_target, what);
             }
         }
     }

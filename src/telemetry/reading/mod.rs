@@ -27,7 +27,7 @@ pub struct Measured {
 }
 
 /// A reader of one tracker's telemetry.
-pub trait Reader {
+pub trait Reader: Send {
     /// Takes what was on the line at `at`.
     fn take(&mut self, wire: &Wire, at: Tai, out: &mut Vec<Measured>);
 

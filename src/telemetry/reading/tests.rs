@@ -3,6 +3,7 @@
 use super::*;
 use crate::canopen::{CanOpenDevice, CanOpenReader, NodeParams};
 use crate::ccsds::{CcsdsDevice, CcsdsReader};
+use crate::json::{JsonDevice, JsonReader};
 use crate::nos3::{Nos3Device, Nos3Reader};
 use crate::sagitta::{SagittaDevice, SagittaReader};
 use crate::sample::{lost, report};
@@ -24,7 +25,7 @@ struct Ends {
     is_tagged: bool,
 }
 
-fn all_ends(sense: Sense) -> [Ends; 4] {
+fn all_ends(sense: Sense) -> [Ends; 5] {
     let node = NodeParams { node: NODE, heartbeat_ms: 100, starts_operational: true };
     let of = |device: Box<dyn Device>, reader: Box<dyn Reader>, resolution_rad: f64| Ends {
         is_tagged: !device.is_polled(),
@@ -41,6 +42,7 @@ fn all_ends(sense: Sense) -> [Ends; 4] {
             Box::new(CanOpenReader::new(NODE, sense)),
             3e-7,
         ),
+        of(Box::new(JsonDevice::new(0, sense, Limits::default())), Box::new(JsonReader::new(sense)), 2e-12),
     ]
 }
 

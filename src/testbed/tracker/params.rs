@@ -132,4 +132,7 @@ pub enum Reason {
     /// The background leaves too little range for stars, or is too structured to find stars in it.
     #[error("the background is too bright or too uneven")]
     StrayLight,
+    /// A tracker outside gave none, and its protocol has no reason.
+    #[error("the tracker outside gave no attitude")]
+    NotSaid,
 }

@@ -95,6 +95,26 @@ impl Heads {
         self.0.iter().map(|head| &head.report)
     }
 
+    /// Leaves a head to a tracker outside: the one inside looks at no frame.
+    pub fn hand_over(&mut self, head: usize) {
+        self.0.get_mut(head).into_iter().for_each(|head| head.is_outside = true);
+    }
+
+    /// Takes what a tracker outside says at `at` about a frame of a head; a head that is off does not listen.
+    pub fn take_answer(&mut self, head: usize, frame: u32, outcome: Outcome, at: Tai) {
+        let Some(head) = self.0.get_mut(head) else { return };
+        if head.off > 0 {
+            head.report.ignored += 1;
+            return;
+        }
+        head.last_frame = Some(at);
+        head.report.last = Some(outcome);
+        if let Outcome::Solved(solution) = outcome {
+            head.report.frame = Some((frame, solution.at));
+            head.ready.push_back((at, solution));
+        }
+    }
+
     /// Switches one head, or all of them, off or on again.
     pub(super) fn switch(&mut self, head: Option<usize>, is_off: bool) {
         let chosen = |(i, _): &(usize, &mut Head)| head.is_none_or(|head| head == *i);
@@ -117,6 +137,8 @@ pub(super) struct Head {
     tags: VecDeque<(u8, Tai)>,
     /// When each is ready.
     ready: VecDeque<(Tai, Solution)>,
+    /// A tracker outside answers for it.
+    is_outside: bool,
     /// How many faults keep it off.
     off: u32,
     last_frame: Option<Tai>,
@@ -132,6 +154,7 @@ impl Head {
             params,
             tags: VecDeque::with_capacity(TAGS + 1),
             ready: VecDeque::with_capacity(TAGS),
+            is_outside: false,
             off: 0,
             last_frame: None,
             wish: None,
@@ -155,6 +178,9 @@ impl Head {
 
     /// Measures a frame that arrived at `at`.
     pub(super) fn take_frame(&mut self, number: u32, image: &DnImage, at: Tai, beta: DVec3, rate_body: DVec3) {
+        if self.is_outside {
+            return;
+        }
         self.last_frame = Some(at);
         if self.off > 0 {
             self.report.ignored += 1;

@@ -7,17 +7,15 @@ use core::fmt::Write;
 
 const HEAD: &str = "# Facts of a frame
 
-The facts of each frame, and where they are stored. Generated from the table in `src/frames/sink/facts/table.rs`, which every
-output walks; a test compares this file with it, and leaves the new text in `target/frame_facts` when they differ.
+Written from the table in `src/frames/sink/facts/table.rs`; a test compares this page with it, and leaves the new text in
+`target/frame_facts` when they differ.
 
-A dash: that output deliberately does not have the fact. FITS has nearly all; `frames.csv` has what changes from frame to
-frame; shared memory (offset and type in a slot's head, [FRAMES.md](../../firmware_protocol/FRAMES.md)) and the chunk data of
-the network camera (place from 0) have fixed layouts; the live view (`frame` of `/state.json`) has what its page shows, the
-control socket what a program that steps a run asks for. `_ns`, `_ms` and `_s` in a name are units; where a name has none,
-the unit is the one of the table. A fact that a frame does not have is left out of FITS, empty in CSV, `null` in JSON.
+Empty: that output does not have the fact, on purpose. Of shared memory ([FRAMES.md](../../firmware_protocol/FRAMES.md)) the page has
+offset and type in a slot's head, of chunk data of the network camera the place from 0; the live view is `frame` of `/state.json`.
+`_ns`, `_ms` and `_s` in a name are units. A fact that a frame does not have is left out of FITS, empty in CSV, `null` in JSON.
 
-Not facts of the frame, and written beside them: the map to the sky (WCS) and checksums in FITS, `serial` in shared memory,
-`count`, `taken_utc` and `age_s` in the live view, `mid_exposure_s` (since the run's start) in the control socket's answer.
+Beside them: WCS and checksums in FITS, `serial` in shared memory, `count`, `taken_utc` and `age_s` in the live view, `mid_exposure_s`
+in the control socket's answer.
 
 | fact | type | unit | meaning |
 |---|---|---|---|
@@ -32,14 +30,12 @@ const PLACES: &str = "
 pub(super) fn reference() -> String {
     let mut text = String::from(HEAD);
     for row in TABLE {
-        let unit = if row.unit.is_empty() { "-" } else { row.unit };
         // Writing to a string cannot fail.
-        let _ = writeln!(text, "| `{}` | {} | {unit} | {} |", row.name, row.kind.name(), row.about);
+        let _ = writeln!(text, "| `{}` | {} | {} | {} |", row.name, row.kind.name(), row.unit, row.about);
     }
     text.push_str(PLACES);
     for row in TABLE {
         let cells = [fits(row), csv(row), memory(row), chunk(row), keys(row.live, ""), control(row)];
-        let cells = cells.map(|cell| if cell.is_empty() { "-".to_owned() } else { cell });
         let _ = writeln!(text, "| `{}` | {} |", row.name, cells.join(" | ")); // writing to a string cannot fail
     }
     text

@@ -13,3 +13,14 @@ function changeTheme() {
 }
 
 systemIsLight.addEventListener("change", readColours);
+
+// Paper is white: drawings change to light colours while the page is printed.
+let themeOnScreen;
+addEventListener("beforeprint", () => {
+  themeOnScreen = document.documentElement.dataset.theme;
+  if (!isLight()) changeTheme();
+});
+addEventListener("afterprint", () => {
+  if ((themeOnScreen || (systemIsLight.matches ? "light" : "dark")) === "dark") changeTheme();
+  if (themeOnScreen === undefined) delete document.documentElement.dataset.theme;
+});

@@ -1,10 +1,11 @@
-//! The lines that telemetry goes out on, and commands come in on: datagrams, a TCP server, serial ports,
-//! pseudo-terminals, CAN, and a file.
+//! The lines that telemetry goes out on and commands come in on, and those of trackers outside: datagrams, a TCP
+//! server, serial ports, pseudo-terminals, CAN, and a file.
 //!
 //! Nothing waits: what a line does not take at once is lost, and the caller counts it. A file is made when it is opened
 //! and has a line for each packet: UTC, TAI nanoseconds, identifier of a CAN frame or `-`, bytes in hexadecimal.
 
-use base::{clock::Clock, time::Tai};
+use base::clock::Clock;
+use base::time::{Span, Tai};
 use core::fmt::Write as _;
 use firmware_protocol::can::{CanFrame, IdMap};
 use link::gateway::{GatewayParams, Gateways, LinkedTerminal, Screen};
@@ -22,6 +23,8 @@ use telemetry::Wire;
 const READ_MAX: usize = 2048;
 /// Packets that a bus of its own holds for a client.
 const BUS_PACKETS: usize = 256;
+/// A sender of answers that has been silent for so long gives way to another one.
+const SENDER_TIMEOUT: Span = Span::from_ms(2000);
 /// Node of starloop's own messages; none of them is received here.
 const NO_NODE: u8 = 0;
 
@@ -83,6 +86,8 @@ pub struct Outlet {
 enum Lines {
     /// Datagrams.
     Udp(UdpSocket, UdpParams),
+    /// Datagrams of a tracker outside.
+    Answers(Answers),
     /// A server with one client.
     Tcp(TcpListener, Seat, Option<(TcpStream, Screen)>),
     /// A serial port.
@@ -100,6 +105,37 @@ enum Lines {
 fn system(line: &str, doing: &'static str, advice: &'static str) -> impl FnOnce(std::io::Error) -> OutletError {
     let line = line.to_owned();
     move |source| OutletError::System { line, doing, source, advice }
+}
+
+/// Datagrams of one sender.
+struct Answers {
+    socket: UdpSocket,
+    /// A datagram is a line: its end is added.
+    are_lines: bool,
+    /// The sender, and when its last datagram came.
+    sender: Option<(SocketAddr, Tai)>,
+    looked: Tai,
+    /// Datagrams of others.
+    foreign: u64,
+}
+
+impl Answers {
+    /// Frees the line of a sender that is silent.
+    fn look(&mut self, now: Tai) {
+        self.looked = now;
+        self.sender = self.sender.filter(|(_, last)| now - *last < SENDER_TIMEOUT);
+    }
+
+    fn receive(&mut self, bytes: &mut [u8]) -> Option<(Wire, Option<SocketAddr>)> {
+        let (length, from) = self.socket.recv_from(bytes).ok()?;
+        if self.sender.is_some_and(|(sender, _)| sender != from) {
+            self.foreign += 1;
+            return None;
+        }
+        self.sender = Some((from, self.looked));
+        let end: &[u8] = if self.are_lines { b"\n" } else { b"" };
+        Some((Wire::Bytes([bytes.get(..length)?, end].concat()), Some(from)))
+    }
 }
 
 impl Outlet {
@@ -125,6 +161,24 @@ impl Outlet {
         let socket = open.map_err(system(&line, "open a socket", "; is another program at this port?"))?;
         let own = socket.local_addr().map_or_else(|_| String::new(), |own| format!(", commands at {own}"));
         Ok(Self::new(Lines::Udp(socket, params), line + &own))
+    }
+
+    /// Opens a socket for the answers of a tracker outside.
+    ///
+    /// # Errors
+    /// When the address is unavailable.
+    pub fn answers(listen: SocketAddr, are_lines: bool) -> Result<Self, OutletError> {
+        let line = format!("udp {listen}");
+        let open = UdpSocket::bind(listen).and_then(|socket| socket.set_nonblocking(true).map(|()| socket));
+        let socket = open.map_err(system(&line, "listen", "; is another program at this port?"))?;
+        let name = socket.local_addr().map_or(line, |own| format!("udp {own}"));
+        let answers = Answers { socket, are_lines, sender: None, looked: Tai::from_ns(0), foreign: 0 };
+        Ok(Self::new(Lines::Answers(answers), name))
+    }
+
+    /// Returns the datagrams of others than the sender that has the line.
+    pub fn foreign(&self) -> u64 {
+        if let Lines::Answers(answers) = &self.lines { answers.foreign } else { 0 }
     }
 
     /// Opens a server; `must_speak`: its client gets nothing before it asks.
@@ -158,13 +212,12 @@ impl Outlet {
         Ok(Self { kept: Some(Box::new((port, linked))), ..outlet })
     }
 
-    /// Opens a CAN interface of the kernel, for the frames that a CANopen node receives.
+    /// Opens a CAN interface of the kernel, for the frames of a CANopen node or its master.
     ///
     /// # Errors
     /// When it is unavailable, with the reason and what to try.
-    pub fn socketcan(interface: &str, node: u8, clock: &Arc<dyn Clock>) -> Result<Self, OutletError> {
+    pub fn socketcan(interface: &str, receives: Receives, clock: &Arc<dyn Clock>) -> Result<Self, OutletError> {
         let ids = IdMap::new(0, NO_NODE).unwrap_or_default();
-        let receives = Receives::CanOpenNode(node);
         let params = SocketCanParams { interface: interface.into(), ids, receives, fd: false, bit_rate_switch: false };
         let link = SocketCanLink::open(params, clock)?;
         Ok(Self::new(Lines::SocketCan(link), format!("socketcan {interface}")))
@@ -177,7 +230,7 @@ impl Outlet {
     pub fn slcan(gateway: GatewayParams, bit_rate_bps: u32, clock: &Arc<dyn Clock>) -> Result<Self, OutletError> {
         let timing = BusTiming::CanClassic { bit_rate_bps };
         let name = "tracker".into();
-        let latency = base::time::Span::ZERO;
+        let latency = Span::ZERO;
         let bus = SimulatedBus::new(BusParams { name, timing, latency, queue_packets: BUS_PACKETS }, clock);
         let gateways = Gateways::start(&bus, &gateway, clock)?;
         let places: Vec<String> = gateways.addresses().iter().map(|(_, address)| address.to_string()).collect();
@@ -212,7 +265,7 @@ impl Outlet {
         match &self.lines {
             Lines::Udp(_, params) => params.has_clients,
             Lines::Tcp(..) | Lines::Serial(_) | Lines::Terminal(_) | Lines::SocketCan(_) | Lines::Bus(_) => true,
-            Lines::File(_) => false,
+            Lines::File(_) | Lines::Answers(..) => false,
         }
     }
 
@@ -270,6 +323,7 @@ impl Outlet {
                 let line = file_line(wire, at);
                 file.write_all(line.as_bytes()).map_err(system(&self.name, "write", ""))
             }
+            (Lines::Answers(..), _) => Err(unread("a tracker outside takes nothing")),
             (Lines::Udp(..) | Lines::Tcp(..) | Lines::Serial(_) | Lines::Terminal(_), Wire::Can(_))
             | (Lines::SocketCan(_) | Lines::Bus(_), Wire::Bytes(_)) => {
                 Err(unread("it carries packets of another kind"))
@@ -279,6 +333,9 @@ impl Outlet {
 
     /// Lets clients of a server in and out; call once before packets are received.
     pub fn welcome(&mut self, now: Tai) {
+        if let Lines::Answers(answers) = &mut self.lines {
+            answers.look(now);
+        }
         let Lines::Tcp(listener, seat, client) = &mut self.lines else { return };
         match seat.look(listener, now) {
             Ok(SeatChange::Goes(stream)) => {
@@ -323,6 +380,7 @@ impl Outlet {
                     self.read.push_back((Wire::Bytes(datagram), Some(from)));
                 }
             }
+            Lines::Answers(answers) => self.read.extend(answers.receive(&mut bytes)),
             Lines::Tcp(_, seat, client) => {
                 let Some((stream, screen)) = client else { return };
                 match stream.read(&mut bytes) {

@@ -1,24 +1,14 @@
 //! Functions of FMI 3.0 that the description excludes: each call is refused with an error.
 
-use crate::instance::{LogMessage, Status, log, of};
+use crate::instance::{Log, LogMessage3, deny};
+use crate::{protocol::Status, wire::denied};
 use core::ffi::{c_char, c_void};
-
-/// Functions whose first argument is the instance; the others are not looked at.
-macro_rules! denied {
-    ($why:literal: $($name:ident($($argument:ty),*);)*) => {$(
-        #[unsafe(no_mangle)]
-        pub extern "C" fn $name(instance: *mut c_void, $(_: $argument),*) -> Status {
-            of(instance).map_or(Status::Error, |instance| {
-                instance.fail(concat!(stringify!($name), ": this unit has no ", $why, ", as its description says"))
-            })
-        }
-    )*};
-}
 
 type References = *const u32;
 type Any = *mut c_void;
 
 denied! { "event or configuration mode":
+    fmi3EnterStepMode();
     fmi3EnterEventMode();
     fmi3EnterConfigurationMode();
     fmi3ExitConfigurationMode();
@@ -87,9 +77,9 @@ pub extern "C" fn fmi3InstantiateModelExchange(
     _visible: bool,
     _logging_on: bool,
     environment: *mut c_void,
-    log_message: LogMessage,
+    log_message: LogMessage3,
 ) -> *mut c_void {
-    log(log_message, environment, Status::Error, COSIMULATION_ONLY);
+    Log::Three(environment, log_message).say(Status::Error, COSIMULATION_ONLY);
     core::ptr::null_mut()
 }
 
@@ -101,11 +91,11 @@ pub extern "C" fn fmi3InstantiateScheduledExecution(
     _visible: bool,
     _logging_on: bool,
     environment: *mut c_void,
-    log_message: LogMessage,
+    log_message: LogMessage3,
     _clock_update: Option<unsafe extern "C" fn()>,
     _lock_preemption: Option<unsafe extern "C" fn()>,
     _unlock_preemption: Option<unsafe extern "C" fn()>,
 ) -> *mut c_void {
-    log(log_message, environment, Status::Error, COSIMULATION_ONLY);
+    Log::Three(environment, log_message).say(Status::Error, COSIMULATION_ONLY);
     core::ptr::null_mut()
 }
