@@ -87,7 +87,7 @@ class Imitation:
 
     STARS = 12
 
-    def __init__(self, sigma_arcsec, off_arcsec, seed=1):
+    def __init__(self, sigma_arcsec, off_arcsec, seed):
         self.off_rad = [off / ARCSEC_PER_RAD for off in off_arcsec]
         self.sigma_rad = [sigma / ARCSEC_PER_RAD for sigma in sigma_arcsec]
         self.dice = random.Random(seed)
@@ -193,7 +193,7 @@ def arguments():
 def main():
     given = arguments()
     host, port = given.address.rsplit(":", 1)
-    solver = Cedar(given.cedar) if given.cedar else Imitation(given.sigma_arcsec, given.off_arcsec)
+    solver = Cedar(given.cedar) if given.cedar else Imitation(given.sigma_arcsec, given.off_arcsec, given.node or 1)
     kind, _, place = given.frames.rpartition("camera:")
     frames = of_camera(place, given.wait_s) if kind == "" and place != given.frames else shared(given.frames, given.wait_s)
     line, answered, lost = None, 0, 0

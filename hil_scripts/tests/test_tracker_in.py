@@ -35,7 +35,7 @@ UNTIL_ANSWERED = 10
 def bench_text(folder, more="", **changes):
     """The shipped bench with its frames below the folder, and other values of some keys."""
     text = BENCH.read_text().replace('"../', f'"{ROOT}/configs/')
-    changes = {"path": f'"{folder}/frames"', "listen": free_port(), **changes}
+    changes = {"path": f'"{folder}/frames"', "listen": free_port(), "missing_answers_at_most": 10, **changes}
     lines = []
     for line in text.splitlines():
         key = line.split(" = ")[0]
@@ -85,7 +85,7 @@ class Answers(unittest.TestCase):
         wanted = {
             "good": ([imitation(*thinks)], 40),
             "off": ([imitation(*off, "--by-time")], 40),
-            "poor": ([imitation("--skip", 5, "--slow", 13)], 12),
+            "poor": ([imitation("--skip", 4, "--slow", 13)], 12),
             "none": ([], 8),
         }
         cls.flights = {name: Flight(cls, bench_text, trackers, "--duration", s) for name, (trackers, s) in wanted.items()}
@@ -127,7 +127,7 @@ class Answers(unittest.TestCase):
         row, events = self.answers("poor"), summary["event_counts"]
         self.assertEqual((events["answer_late"], events["answer_missing"]), (row["late"], row["missing"]))
         self.assertGreaterEqual(row["late"], 3)
-        self.assertGreaterEqual(row["missing"], 10)
+        self.assertGreater(row["missing"], 10)
         self.assertEqual(row["frames"], row["answers"] + row["missing"] + row["not_judged"])
         self.assertIn(status, (4, 6))
         [missing] = [reason for reason in summary["reasons"] if reason["kind"] == "answer_missing"]
@@ -150,7 +150,7 @@ class Answers(unittest.TestCase):
         done = support.starloop("run", bench, "--clock", "virtual", status=2)
         self.assertIn("[[tracker_in]], a star tracker outside", done.stderr)
         bench.write_text(bench_text(folder) + '[[tracker_in]]\nlink = "tcp"\nlisten = 0\n')
-        done = support.starloop("check", bench, status=2)
+        done = support.starloop("check", bench, status=(1, 2))
         self.assertIn("one tracker for each head", done.stderr)
 
 

@@ -357,6 +357,8 @@ def tracker_telemetry():
     halves = struct.pack("<2f", 0.5, 0.5)
     first = [struct.pack("<BBHI", 4, known, 21, 43_200_250) for known in (1, 0)]
     yield "canopen", b"\3" + head + pdo(0, first[0]) + pdo(1, halves) + pdo(2, halves) + pdo(0, first[1]) + pdo(2, halves)
+    lines = [b'{"frame": 7, "tai_ns": 1772366437150000000, "q_wxyz": [0.5, 0.5, 0.5, 0.5]}', b'{"q_wxyz": null}', b'{"reply": 1}', b"{]"]
+    yield "json", b"\4" + head + b"\n".join(lines) + b"\n"
 
 
 for target in (can_decode, serial_resync, slcan, socketcand, captures, plain, network_camera, session, layer, star_lines,

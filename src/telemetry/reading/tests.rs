@@ -136,9 +136,13 @@ fn damage_is_counted_and_the_next_packet_is_read() {
         let is_polled = !ends.is_tagged;
         for wire in &mut damaged {
             match wire {
-                // The validity of NOS3, a byte of the quaternion of the others.
+                // The validity of NOS3, the bracket of JSON, a byte of the quaternion of the others.
                 Wire::Bytes(bytes) => {
-                    let place = if is_polled { 19 } else { bytes.len().saturating_sub(40).max(8) };
+                    let place = match bytes[0] {
+                        _ if is_polled => 19,
+                        b'{' => 0,
+                        _ => bytes.len().saturating_sub(40).max(8),
+                    };
                     bytes[place] ^= 0x40;
                 }
                 Wire::Can(frame) if frame.id() == 0x280 + u16::from(NODE) => {

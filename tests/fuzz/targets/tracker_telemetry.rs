@@ -9,6 +9,7 @@ use starloop_fuzz::control::is_broken;
 use starloop_fuzz::{Input, input};
 use telemetry::canopen::{CanOpenDevice, CanOpenReader, NodeParams};
 use telemetry::ccsds::{CcsdsDevice, CcsdsReader};
+use telemetry::json::{JsonDevice, JsonReader};
 use telemetry::nos3::{Nos3Device, Nos3Reader};
 use telemetry::reading::{Measured, Reader};
 use telemetry::sagitta::{SagittaDevice, SagittaReader};
@@ -21,10 +22,10 @@ const QUIET: usize = 4200;
 
 fuzz_target!(|bytes: &[u8]| {
     let mut rest = Input::new(bytes);
-    let (kind, chunks) = (rest.u8() % 4, rest.array::<4>());
+    let (kind, chunks) = (rest.u8() % 5, rest.array::<4>());
     let stream = rest.rest();
     let (whole, damaged) = if kind == 3 { frames(stream) } else { read(kind, stream, &[u8::MAX]) };
-    if kind < 3 {
+    if kind != 3 {
         assert_eq!(read(kind, stream, &[0]), (whole.clone(), damaged), "byte by byte");
         assert_eq!(read(kind, stream, &chunks), (whole.clone(), damaged), "in chunks of {chunks:?}");
     }
@@ -43,7 +44,8 @@ fn reader(kind: u8) -> Box<dyn Reader> {
         0 => Box::<Nos3Reader>::default(),
         1 => Box::<SagittaReader>::default(),
         2 => Box::new(CcsdsReader::new(Sense::Conjugate)),
-        _ => Box::new(CanOpenReader::new(NODE, Sense::Conjugate)),
+        3 => Box::new(CanOpenReader::new(NODE, Sense::Conjugate)),
+        _ => Box::new(JsonReader::new(Sense::Conjugate)),
     }
 }
 
@@ -100,7 +102,8 @@ fn after_noise(kind: u8, stream: &[u8]) {
         0 => Box::new(Nos3Device::new(Limits::default())),
         1 => Box::new(SagittaDevice::new(Limits::default(), 0.05)),
         2 => Box::new(CcsdsDevice::new(100, Sense::Conjugate, Limits::default())),
-        _ => Box::new(CanOpenDevice::new(node, Sense::Conjugate, Limits::default(), 0.05)),
+        3 => Box::new(CanOpenDevice::new(node, Sense::Conjugate, Limits::default(), 0.05)),
+        _ => Box::new(JsonDevice::new(0, Sense::Conjugate, Limits::default())),
     };
     let (mut said, mut reader, mut out) = (Vec::new(), reader(kind), Vec::new());
     device.start(NOW, &mut said);
@@ -112,8 +115,13 @@ fn after_noise(kind: u8, stream: &[u8]) {
         wires(stream).iter().for_each(|wire| reader.take(wire, NOW, &mut out));
     } else {
         reader.take(&Wire::Bytes(stream.to_vec()), NOW, &mut out);
-        // The end of a frame of SLIP; zeros begin no packet of the others.
-        reader.take(&Wire::Bytes(vec![if kind == 1 { 0xC0 } else { 0 }; QUIET]), NOW, &mut out);
+        // The ends of a frame of SLIP and of a line; zeros begin no packet of the others.
+        let quiet = match kind {
+            1 => 0xC0,
+            4 => b'\n',
+            _ => 0,
+        };
+        reader.take(&Wire::Bytes(vec![quiet; QUIET]), NOW, &mut out);
     }
     out.clear();
     said.iter().for_each(|wire| reader.take(wire, NOW, &mut out));

@@ -23,6 +23,8 @@ use telemetry::Wire;
 const READ_MAX: usize = 2048;
 /// Packets that a bus of its own holds for a client.
 const BUS_PACKETS: usize = 256;
+/// Datagrams of other senders that are passed over at one look.
+const FOREIGN_MAX: u32 = 256;
 /// A sender of answers that has been silent for so long gives way to another one.
 const SENDER_TIMEOUT: Span = Span::from_ms(2000);
 /// Node of starloop's own messages; none of them is received here.
@@ -127,14 +129,16 @@ impl Answers {
     }
 
     fn receive(&mut self, bytes: &mut [u8]) -> Option<(Wire, Option<SocketAddr>)> {
-        let (length, from) = self.socket.recv_from(bytes).ok()?;
-        if self.sender.is_some_and(|(sender, _)| sender != from) {
+        for _ in 0..FOREIGN_MAX {
+            let (length, from) = self.socket.recv_from(bytes).ok()?;
+            if self.sender.is_none_or(|(sender, _)| sender == from) {
+                self.sender = Some((from, self.looked));
+                let end: &[u8] = if self.are_lines { b"\n" } else { b"" };
+                return Some((Wire::Bytes([bytes.get(..length)?, end].concat()), Some(from)));
+            }
             self.foreign += 1;
-            return None;
         }
-        self.sender = Some((from, self.looked));
-        let end: &[u8] = if self.are_lines { b"\n" } else { b"" };
-        Some((Wire::Bytes([bytes.get(..length)?, end].concat()), Some(from)))
+        None
     }
 }
 
