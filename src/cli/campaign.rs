@@ -12,6 +12,8 @@ use rayon::prelude::*;
 use run::wiring::{error::LoopError, memory::RunMemory};
 use std::{io::Write, path::PathBuf, str::FromStr, sync::Mutex};
 
+/// Error of the JUnit file while a campaign flies.
+const NO_END: &str = "the campaign did not reach its end";
 /// The scenario flown when none is named.
 const BUILT_IN_SCENARIO: &str = "scenarios/campaign.toml";
 
@@ -95,7 +97,9 @@ pub fn run(arguments: &CampaignArgs) -> Result<u8> {
         seeds.last().copied().unwrap_or(0)
     );
     // A file that cannot be written is known before the hours of flight, not after them.
-    arguments.junit.iter().try_for_each(|path| junit::save(path, &to_junit(&scenario.name, &[], 0.0)))?;
+    let unfinished = Case { class: "campaign".into(), name: "flown".into(), outcome: Outcome::Error(NO_END.into()) };
+    let document = junit::document(&scenario.name, None, &[unfinished]);
+    arguments.junit.iter().try_for_each(|path| junit::save(path, &document))?;
     let results = fly(&scenario, &seeds, arguments)?;
     let document = to_junit(&scenario.name, &results.0, results.1);
     let saved = arguments.junit.iter().try_for_each(|path| junit::save(path, &document));
@@ -108,7 +112,7 @@ fn to_junit(name: &str, results: &[Flown], wall_s: f64) -> String {
     let cases = |(seed, flown): &Flown| {
         let class = format!("seed {seed}");
         match flown {
-            Ok(episode) => episode.invariants.iter().map(|one| Case::of_invariant(&class, one)).collect(),
+            Ok(episode) => episode.invariants.iter().map(|one| Case::of_invariant(&class, one)).collect::<Vec<_>>(),
             Err(error) => vec![Case { class, name: "flown".into(), outcome: Outcome::Error(error.to_string()) }],
         }
     };
