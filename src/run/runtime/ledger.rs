@@ -109,7 +109,8 @@ events! {
     LinkLost = "link_lost",
     /// The interface or port of the bus is available again.
     LinkRegained = "link_regained",
-    /// No program listened at the address that a TCP link connects to; it is tried again, and the summary counts the tries.
+    /// The address that a TCP link connects to refused, or cannot be reached; it is tried again. The summary has address and
+    /// tries.
     LinkUnreached = "link_unreached",
     /// The CAN controller went bus-off.
     BusOff = "bus_off",
