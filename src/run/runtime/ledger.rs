@@ -86,6 +86,8 @@ events! {
     SinkLost = "sink_lost",
     /// The telemetry of a star tracker lost a frame or a packet.
     TelemetryLost = "telemetry_lost",
+    /// A client of a gateway read too slowly for a frame of the bus: it did not receive the frame.
+    GatewayDropped = "gateway_dropped",
     /// A thread beside the run ended before it did; the event names it.
     ThreadLost = "thread_lost",
     /// An attitude arrived before the clocks were correlated.
