@@ -275,12 +275,12 @@ class PlainLinks(InAFolder):
         # Recorded long ago: the first message is the beginning of the slew that frames show.
         self.check_steady(headers, begin_s=START_S - 1e7)
 
-    def drive(self, folder, messages, *settings, seconds=20):
+    def drive(self, folder, messages, *settings, seconds=20, words=()):
         """A run on the virtual clock that a stand-in of 42 drives: the process, and headers of its frames."""
         with Replay(messages, paced=False) as replay:
             settings = ["camera=../cameras/small_tracker.toml", f"link.connect={replay.port}", *settings]
             ran = starloop("run", ROOT / "configs/benches/forty_two.toml", "--clock", "virtual", "--duration", seconds,
-                           "--out", Path(folder) / "run", *(part for setting in settings for part in ("--set", setting)),
+                           "--out", Path(folder) / "run", *words, *(part for setting in settings for part in ("--set", setting)),
                            timeout=PATIENCE_S * 5)
         self.assertEqual(replay.broken, [], "every answer was Ack and a zero")
         headers = [fits.getheader(path) for path in sorted((Path(folder) / "run").glob("frame_*.fits"))]
@@ -299,6 +299,21 @@ class PlainLinks(InAFolder):
                 self.assertTrue(headers[0]["DATE-OBS"].startswith("2025-03-19T12:00:01"), headers[0]["DATE-OBS"])
                 offsets = self.check(headers, begin_s + 1.1, least=200)
                 self.assertLess(max(offsets) - min(offsets), 1e-4)
+
+    def test_the_capture_of_a_run_that_42_drove_is_drawn_again_bit_by_bit(self):
+        messages = [as_42(1_742_385_600.0 + i / 10) for i in range(1, 200)]
+        with tempfile.TemporaryDirectory() as folder:
+            capture = Path(folder) / "capture"
+            ran, _, _ = self.drive(folder, messages, seconds=5, words=("--capture", capture))
+            self.assertEqual(ran.returncode, 0, ran.stderr)
+            again = starloop("replay", capture, "--json")
+            self.assertEqual(again.returncode, 0, again.stderr)
+            facts = json.loads(again.stdout)
+            self.assertEqual((facts["compared"], facts["differing"], facts["uncompared"]), (50, 0, 0))
+            samples = capture / "samples.csv"
+            lines = samples.read_text().splitlines(keepends=True)
+            samples.write_text("".join(lines[:-20]))
+            self.assertNotEqual(starloop("replay", capture).returncode, 0, "control: samples are missing")
 
     def test_42_that_stops_or_sends_other_lines_is_no_ok(self):
         begin_s = 1_742_385_600.0

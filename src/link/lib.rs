@@ -75,8 +75,10 @@ pub struct LinkCounters {
     pub unstamped: u64,
     /// Times the interface or port was lost.
     pub lost: u64,
-    /// Attempts to connect that failed: no program listened at the address.
+    /// Attempts to connect that failed.
     pub unreached: u64,
+    /// Those of them that the machine at the address refused; the others had no answer.
+    pub refused: u64,
     /// Times it came back.
     pub regained: u64,
     /// Packets, or connections, of another sender than the one that came first: refused.

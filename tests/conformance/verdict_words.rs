@@ -7,7 +7,7 @@ use crate::quoted_messages::{is_said, joined, quoted};
 use crate::source::{files, root};
 use frames::report::{FrameEnd, LineVerdict, LostPart, RunLimits, RunWord};
 use performance::requirements::{Outcome, Verdict};
-use run::runtime::record::missing;
+use run::runtime::{EventKind, record::missing};
 use starloop::cli::exit_statuses::EXIT_STATUSES;
 use starloop::cli::{EXIT_NOT_MET, EXIT_OVER_BUDGET};
 
@@ -41,8 +41,8 @@ fn differences(page: &str, heading: &str, wanted: &[&str]) -> Vec<String> {
 /// Returns the differences of all sections whose words the program lists.
 fn listed(page: &str) -> Vec<String> {
     let events = missing(&RunLimits::default()).map(|missing| missing.kind.name());
-    let link_lost = run::runtime::EventKind::LinkLost.name();
-    let of_events: Vec<&str> = events.into_iter().chain([link_lost]).chain(REASONS.iter().copied()).collect();
+    let of_links = [EventKind::LinkLost, EventKind::LinkUnreached].map(EventKind::name);
+    let of_events: Vec<&str> = events.into_iter().chain(of_links).chain(REASONS.iter().copied()).collect();
     [
         differences(page, "The word of a run", &RunWord::ALL.map(RunWord::name)),
         differences(page, "The ends of frames", &FrameEnd::ALL.map(FrameEnd::name)),

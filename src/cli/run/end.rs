@@ -8,7 +8,7 @@ use crate::cli::run::finished::{Finished, verdict_line};
 use crate::cli::run::report::{ScenarioReport, table};
 use crate::cli::run::{files, page};
 use crate::cli::{EXIT_DONE, EXIT_FAILED, EXIT_INCOMPLETE, EXIT_LOST, EXIT_NOT_MET, signals};
-use crate::cli::{report_json::print_json, run::connection_hint, run::control::Client, terminal::plain_text};
+use crate::cli::{report_json::print_json, run::control::Client, terminal::plain_text};
 use anyhow::{Context, Result};
 use frames::report::{Losses, RunSummary, RunVerdict, RunWord, short_table, summary_table};
 use frames::sink::replace_own_file;
@@ -117,9 +117,6 @@ impl Finished {
     /// With why the run ended early, if it did.
     pub(crate) fn status(self, reports: &Reports, arguments: &RunArgs) -> Result<u8> {
         let was_lost = say_losses(&self.end.losses);
-        if let Some(hint) = connection_hint(&self.scenario.bench.link, &reports.summary) {
-            eprintln!("starloop: {hint}");
-        }
         let verdict = &reports.summary.verdict;
         if arguments.quiet && !arguments.json && verdict.word > RunWord::Ok && verdict.word < RunWord::Lost {
             eprintln!("starloop: {}: {}", verdict.word, plain_text(&verdict.reasons_line()));

@@ -21,9 +21,9 @@ use anyhow::{Context, Result, bail};
 use base::clock::{Clock, Monotonic, Stopwatch};
 use base::time::Tai;
 use batch::campaign::{check_time_for_faults, episode_scenario};
-use config::{Bench, Carrier, Document, Link, Scenario, Setting, StartTime};
+use config::{Bench, Document, Scenario, Setting, StartTime};
 use core::sync::atomic::{AtomicBool, Ordering};
-use frames::report::{HygieneLine, Losses, RunSummary};
+use frames::report::{HygieneLine, Losses};
 use link::{WireFormat, capture::CaptureFormat};
 use run::runtime::{Hygiene, HygieneParams, Imager};
 use run::wiring::assemble::{Outputs, Run, RunOptions};
@@ -375,23 +375,6 @@ fn duration_s(arguments: &RunArgs) -> Result<Option<f64>> {
         }
         given => Ok(given),
     }
-}
-
-// The sentence at the end of a run about a TCP connection that was refused or closed.
-
-/// Returns the sentence about a link over TCP that could not connect, or whose connection was lost, when no attitude came
-/// over it; `None` for other links, and where all is well.
-pub(crate) fn connection_hint(link: &Link, summary: &RunSummary) -> Option<String> {
-    let Carrier::Tcp { address, connects: true } = &link.carrier else { return None };
-    let count = |name: &str| summary.link.counters.get(name).copied().unwrap_or(0);
-    let (failed, lost) = (count("connections_failed"), count("link_lost"));
-    let is_bad = failed + lost > 0 && (count("attitudes_accepted") == 0 || lost > 0);
-    is_bad.then(|| {
-        format!(
-            "tcp: {address}: {failed} tries to connect failed, and the other end closed {lost} connections; check that it \
-             listens there, and takes another client"
-        )
-    })
 }
 
 #[cfg(test)]

@@ -12,6 +12,8 @@ const PLACES: usize = 256;
 pub enum CameraEventKind {
     /// A trigger was accepted.
     FrameTrigger,
+    /// From now on a trigger is awaited, and would be taken at once, or is not.
+    TriggerAwaited(bool),
     /// A trigger came too early and was left out.
     FrameTriggerMissed,
     /// An exposure began.

@@ -27,7 +27,7 @@ pub use screen::{Foreign, GRACE, MALFORMED_MAX, OPENING_WITHIN, Screen};
 use crate::{LinkError, simulated::SimulatedBus};
 use base::{clock::Clock, time::Span};
 use client::{Dialogue, Scribe};
-use core::sync::atomic::{AtomicBool, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use firmware_protocol::can::CanId;
 use pty::Pty;
 use std::path::{Path, PathBuf};
@@ -118,12 +118,19 @@ impl GatewayCounters {
 /// The counters of one gateway, shared by its threads. Nothing real-time comes by here.
 #[derive(Debug, Default)]
 struct Tally {
+    /// Without the frames dropped.
     counters: Mutex<GatewayCounters>,
+    /// Frames dropped, which a loop that takes no lock may read.
+    dropped: AtomicU64,
 }
 
 impl Tally {
     fn lock(&self) -> MutexGuard<'_, GatewayCounters> {
         self.counters.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn dropped(&self) -> u64 {
+        self.dropped.load(Ordering::Relaxed)
     }
 
     fn reject(&self, reason: &'static str) {
@@ -185,6 +192,22 @@ pub enum GatewayKind {
     SlcanPty,
     /// socketcand over TCP.
     Socketcand,
+}
+
+/// Frames of the bus that clients of gateways read too slowly for, while they are at work.
+#[derive(Debug, Clone, Default)]
+pub struct DroppedFrames(Vec<Arc<Tally>>);
+
+impl DroppedFrames {
+    /// Watches gateways.
+    pub fn of(gateways: &[Gateways]) -> Self {
+        Self(gateways.iter().flat_map(|of_bus| &of_bus.at_work).map(|(_, _, tally)| Arc::clone(tally)).collect())
+    }
+
+    /// Returns the number of frames so far. Takes no lock.
+    pub fn total(&self) -> u64 {
+        self.0.iter().map(|tally| tally.dropped()).sum()
+    }
 }
 
 /// Gateways at work. Dropped, they hang up, leave the bus and take their link away.
@@ -272,7 +295,8 @@ impl Gateways {
 
     /// Returns the counters of each gateway.
     pub fn counters(&self) -> Vec<(GatewayKind, GatewayCounters)> {
-        self.at_work.iter().map(|(kind, _, tally)| (*kind, tally.lock().clone())).collect()
+        let counters = |tally: &Tally| GatewayCounters { dropped: tally.dropped(), ..tally.lock().clone() };
+        self.at_work.iter().map(|(kind, _, tally)| (*kind, counters(tally))).collect()
     }
 }
 

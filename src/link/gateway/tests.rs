@@ -49,6 +49,23 @@ fn a_virtual_clock_and_a_serial_line_are_refused() {
 }
 
 #[test]
+fn dropped_frames_are_watched_without_a_lock() {
+    let clock = real_clock();
+    let params = GatewayParams { slcan_tcp: FREE_PORT, socketcand: FREE_PORT, ..GatewayParams::default() };
+    let gateways = [Gateways::start(&bus(CAN, &clock), &params, &clock).unwrap()];
+    let watched = DroppedFrames::of(&gateways);
+    assert_eq!(watched.total(), 0, "control");
+    let [(_, _, first), (_, _, second)] = &gateways[0].at_work[..] else { panic!("two gateways") };
+    let held = first.lock();
+    first.dropped.fetch_add(3, Ordering::Relaxed);
+    second.dropped.fetch_add(2, Ordering::Relaxed);
+    assert_eq!(watched.total(), 5);
+    drop(held);
+    let dropped: Vec<u64> = gateways[0].counters().iter().map(|(_, counters)| counters.dropped).collect();
+    assert_eq!(dropped, [3, 2]);
+}
+
+#[test]
 fn frames_pass_both_ways_and_are_counted() {
     let clock = real_clock();
     let bus = bus(CAN, &clock);

@@ -9,7 +9,7 @@ use base::clock::Clock;
 use base::time::{Span, Tai};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::os::fd::{AsFd, BorrowedFd};
-use std::{io, sync::Arc, time::Duration};
+use std::{io, io::ErrorKind, sync::Arc, time::Duration};
 
 /// Bytes of one read.
 const READ_BYTES: usize = 4096;
@@ -121,7 +121,10 @@ impl TcpLink {
                     self.begin(stream);
                     self.found();
                 }
-                Err(_tried_again) => self.counters.unreached += 1,
+                Err(error) => {
+                    self.counters.unreached += 1;
+                    self.counters.refused += u64::from(error.kind() == ErrorKind::ConnectionRefused);
+                }
             }
         }
         Ok(())

@@ -147,9 +147,14 @@ impl Acquisition {
         self.is_started
     }
 
+    /// Returns true while triggers choose frames.
+    pub(super) fn waits_for_trigger(&self) -> bool {
+        self.is_started && self.triggers_left != Some(0)
+    }
+
     /// Takes a trigger; returns false when it is ignored.
     pub(super) fn trigger(&mut self, wanted: &Wanted) -> bool {
-        let is_heeded = self.is_started && self.triggers_left != Some(0);
+        let is_heeded = self.waits_for_trigger();
         if is_heeded {
             self.triggers_left = self.triggers_left.map(|left| left - 1);
             wanted.add_one();

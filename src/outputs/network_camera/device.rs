@@ -151,6 +151,7 @@ impl Device {
         }
         self.access.control.take_in(from, now);
         self.camera.take_events(&mut self.messages);
+        self.camera.show_status();
         self.camera.values.memory.set_long(own::TEMPERATURE, self.camera.shared.temperature_bits());
         if let Some(reply) = self.access.last_change.answer_to(from, bytes, now) {
             out.reply.extend(reply);

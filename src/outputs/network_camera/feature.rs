@@ -224,6 +224,11 @@ pub(super) const fn switch(name: &'static str, about: &'static str, address: u32
     Feature::new(name, about, Kind::Switch).register(address, 4, Both)
 }
 
+/// A switch that the camera alone sets.
+pub(super) const fn flag(name: &'static str, about: &'static str, address: u32) -> Feature {
+    Feature::new(name, about, Kind::Switch).register(address, 4, Read)
+}
+
 pub(super) const fn command(name: &'static str, about: &'static str, address: u32, value: u32) -> Feature {
     Feature::new(name, about, Kind::Command(value)).register(address, 4, Write)
 }

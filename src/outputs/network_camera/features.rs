@@ -12,7 +12,8 @@ use crate::network_camera::feature::{
     Entries::{self, Made, Numbers, Words},
     Entry, Feature, Kind,
     Limit::{self, At, Given, Of},
-    category, choice, command, difference, number, numbered, only, other, reading, real, switch, text, whole, zero,
+    category, choice, command, difference, flag, number, numbered, only, other, reading, real, switch, text, whole,
+    zero,
 };
 use crate::network_camera::messages::EVENTS;
 use crate::network_camera::params::PACKET_BYTES_MIN;
@@ -127,12 +128,17 @@ pub(super) mod own {
     pub(in crate::network_camera) const PTP_GRANDMASTER_ID: u32 = 0xA100;
     pub(in crate::network_camera) const REGION_SELECTOR: u32 = 0xA108;
     pub(in crate::network_camera) const REGION_MODE: u32 = 0xA10C;
+    pub(in crate::network_camera) const STATUS_SELECTOR: u32 = 0xA110;
+    pub(in crate::network_camera) const STATUS: u32 = 0xA114;
     /// The first address behind them.
-    pub(in crate::network_camera) const END: u32 = 0xA110;
+    pub(in crate::network_camera) const END: u32 = 0xA118;
 }
 
 /// Names of the user sets, by number.
 pub(super) const USER_SETS: [&str; 4] = ["Default", "UserSet1", "UserSet2", "UserSet3"];
+
+/// States that AcquisitionStatus may be about: a trigger would be taken at once; an acquisition is not over.
+pub(super) const STATUSES: [&str; 2] = ["FrameTriggerWait", "AcquisitionActive"];
 
 /// Every feature. Names in braces are filled in by `xml`.
 #[rustfmt::skip] // One feature, one line or two.
@@ -155,7 +161,7 @@ pub(super) const TABLE: &[Feature] = &[
         "AcquisitionMode", "AcquisitionFrameCount", "AcquisitionStart", "AcquisitionStop", "AcquisitionFrameRate",
         "ExposureTime", "ExposureMode", "ExposureAuto", "AcquisitionFrameRateEnable", "AcquisitionBurstFrameCount",
         "TriggerActivation", "TriggerDelay", "TriggerOverlap", "TriggerSelector", "TriggerMode", "TriggerSource",
-        "TriggerSoftware",
+        "TriggerSoftware", "AcquisitionStatusSelector", "AcquisitionStatus",
     ]),
     category("ActionControl", &[
         "ActionDeviceKey", "ActionGroupKey", "ActionGroupMask",
@@ -226,12 +232,18 @@ pub(super) const TABLE: &[Feature] = &[
     only("GainSelector", "The only one", "All").selects(&["Gain"]).commanded(),
     only("BlackLevelSelector", "The only one", "All").selects(&["BlackLevel"]).commanded(),
     only("TriggerActivation", "The only one", "RisingEdge").commanded(),
-    only("TriggerSelector", "What the trigger chooses", "FrameStart").selects(&["TriggerMode", "TriggerSource", "TriggerSoftware"]),
+    only("TriggerSelector", "What the trigger chooses", "FrameStart")
+        .selects(&["TriggerMode", "TriggerSource", "TriggerSoftware"]).read_only(),
+    only("TriggerSelector", "What the trigger starts", "FrameStart")
+        .selects(&["TriggerMode", "TriggerSource", "TriggerSoftware", "TriggerActivation", "TriggerDelay", "TriggerOverlap"]).commanded(),
     choice("TriggerMode", "On: each frame waits for a trigger", own::TRIGGER_MODE, Both, OFF_ON).locked(),
     choice("TriggerSource", "Where triggers come from", own::TRIGGER_SOURCE, Both, Words(&["Software", "Action1"])).locked().read_only(),
     choice("TriggerSource", "Where triggers come from", own::TRIGGER_SOURCE, Both, Made(trigger_sources)).locked().commanded(),
     command("TriggerSoftware", "Sends the next frame of the bench", own::TRIGGER_SOFTWARE, 1).read_only(),
     command("TriggerSoftware", "Starts an exposure", own::TRIGGER_SOFTWARE, 1).commanded(),
+    choice("AcquisitionStatusSelector", "The state that AcquisitionStatus is about", own::STATUS_SELECTOR, Both, Words(&STATUSES))
+        .selects(&["AcquisitionStatus"]),
+    flag("AcquisitionStatus", "The selected state holds now", own::STATUS),
     whole("ActionDeviceKey", "Key that an action command must have", at::ACTION_DEVICE_KEY, Both)
         .seen_by("Guru").between(At(0), At(u32::MAX)).form("HexNumber"),
     whole("ActionGroupKey", "Group key that an action command must have", at::ACTION_GROUP_KEY, Both)

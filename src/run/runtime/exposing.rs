@@ -51,6 +51,8 @@ pub struct Exposing {
     desks: Vec<DeskEnd>,
     /// Number of the frame after the last one whose start was reported.
     reported: u32,
+    /// Whether a trigger is awaited, as reported last; `None`: it is to be reported again.
+    reported_awaited: Option<bool>,
 }
 
 impl Exposing {
@@ -87,6 +89,7 @@ impl Exposing {
             auto_gain: AutoMode::Off,
             desks: Vec::new(),
             reported: 0,
+            reported_awaited: None,
         }
     }
 
@@ -220,6 +223,7 @@ impl Exposing {
         {
             self.report_start(&slot);
         }
+        self.report_awaited(now);
     }
 
     /// Accepts one command.
@@ -229,6 +233,10 @@ impl Exposing {
     pub fn take(&mut self, commanded: &Commanded, ledger: &mut Ledger) -> Result<(), SettingRefusal> {
         let taken = self.shutter.take(commanded);
         self.is_commanded |= taken.is_ok();
+        if matches!(commanded.command, CameraCommand::Trigger { .. }) {
+            // Its sender presumes that no other one is awaited.
+            self.reported_awaited = None;
+        }
         if taken.is_ok() {
             if let CameraCommand::AutoExposure(mode) = commanded.command {
                 self.auto_exposure = mode;
@@ -323,6 +331,14 @@ impl Exposing {
             self.report(CameraEventKind::FrameTrigger, at, slot.number);
         }
         self.report(CameraEventKind::ExposureStart, slot.exposure_start, slot.number);
+    }
+
+    fn report_awaited(&mut self, now: Tai) {
+        let is_awaited = self.shutter.awaits_trigger(now);
+        if self.reported_awaited != Some(is_awaited) && self.has_desks() {
+            self.reported_awaited = Some(is_awaited);
+            self.report(CameraEventKind::TriggerAwaited(is_awaited), now, self.reported);
+        }
     }
 
     fn report(&self, kind: CameraEventKind, at: Tai, frame: u32) {

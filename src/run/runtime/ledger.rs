@@ -90,6 +90,8 @@ events! {
     AnswerLate = "answer_late",
     /// A star tracker outside did not answer a frame; the span is how long the answer was waited for.
     AnswerMissing = "answer_missing",
+    /// A client of a gateway read too slowly for a frame of the bus: it did not receive the frame.
+    GatewayDropped = "gateway_dropped",
     /// A thread beside the run ended before it did; the event names it.
     ThreadLost = "thread_lost",
     /// An attitude arrived before the clocks were correlated.
@@ -113,7 +115,8 @@ events! {
     LinkLost = "link_lost",
     /// The interface or port of the bus is available again.
     LinkRegained = "link_regained",
-    /// No program listened at the address that a TCP link connects to; it is tried again, and the summary counts the tries.
+    /// The address that a TCP link connects to refused, or cannot be reached; it is tried again. The summary has address and
+    /// tries.
     LinkUnreached = "link_unreached",
     /// The CAN controller went bus-off.
     BusOff = "bus_off",

@@ -17,7 +17,7 @@ use std::sync::OnceLock;
 pub const REASONS: usize = Reject::ALL.len();
 /// Reasons to refuse plain messages.
 pub const PLAIN_REASONS: usize = PlainReject::ALL.len();
-const COUNTS: usize = 15;
+const COUNTS: usize = 16;
 
 /// One count of a reading.
 #[derive(Debug, Clone, Copy)]
@@ -44,6 +44,7 @@ const ALL: [Count; COUNTS] = [
     sometimes("link_lost", |reading| &mut reading.counters.lost),
     sometimes("link_regained", |reading| &mut reading.counters.regained),
     sometimes("connections_failed", |reading| &mut reading.counters.unreached),
+    sometimes("connections_refused", |reading| &mut reading.counters.refused),
     sometimes("packets_foreign", |reading| &mut reading.counters.foreign),
     sometimes("packets_oversize", |reading| &mut reading.counters.oversize),
 ];
@@ -118,6 +119,26 @@ impl PortReading {
     fn refused(&self) -> u64 {
         let rejects = self.plain_rejects.iter().map(|count| u64::from(*count)).sum::<u64>();
         rejects + self.counters.foreign + self.counters.oversize
+    }
+
+    /// Returns true when the port is a client over TCP that never had a connection.
+    pub fn is_unreached(&self) -> bool {
+        let LinkCounters { unreached, received, sent, lost, .. } = self.counters;
+        unreached > 0 && received + sent + lost == 0
+    }
+
+    /// Returns how tries to connect failed and their number, in words that follow the address; `None` where none did.
+    pub fn failed_tries(&self) -> Option<String> {
+        let LinkCounters { unreached: tries, refused, .. } = self.counters;
+        match refused {
+            _ if tries == 0 => None,
+            0 => Some(format!("cannot be reached (tries: {tries})")),
+            _ if refused == tries => Some(format!("refused the connection (tries: {tries})")),
+            _ => Some(format!(
+                "refused the connection (tries: {refused}), and could not be reached (tries: {})",
+                tries - refused
+            )),
+        }
     }
 
     /// Returns the number of messages that were refused, for whatever reason; those of other nodes are not.
@@ -225,6 +246,7 @@ mod tests {
             bus_off: 6,
             lost: 7,
             unreached: 17,
+            refused: 19,
             regained: 8,
             restarted: 11,
             unstamped: 12,
@@ -256,14 +278,28 @@ mod tests {
         let always = ["packets_received", "packets_sent", "packets_overflowed", "queue_overflowed"];
         assert_eq!(reported, always.map(|name| (name, 0)));
         let reported: Vec<_> = reading().reported().map(|(_, count)| count).collect();
-        // Each of the fifteen appears once, and the messages of other nodes; 9 and 16 are counts of rejections.
-        assert_eq!(reported, [1, 2, 3, 10, 13, 4, 5, 6, 11, 12, 7, 8, 17, 14, 15, 18]);
+        // Each of the sixteen appears once, and the messages of other nodes; 9 and 16 are counts of rejections.
+        assert_eq!(reported, [1, 2, 3, 10, 13, 4, 5, 6, 11, 12, 7, 8, 17, 19, 14, 15, 18]);
         assert_eq!(reading().refused_messages(), 9 + 16 + 14 + 15, "without those of other nodes");
         let named = reading().named();
         assert!(named.counters.iter().map(|(_, count)| count).eq(reported), "the same with all names");
         let refused: Vec<_> = named.rejects.iter().filter(|(_, count)| *count > 0).collect();
         let wanted = vec![("BadCrc", 9), ("plain_not_json", 16)];
         assert_eq!((refused, named.rejects.iter().count()), (wanted, REASONS));
+    }
+
+    #[test]
+    fn failed_tries_are_refused_or_not_answered() {
+        let of = |unreached, refused, received| {
+            let counters = LinkCounters { unreached, refused, received, ..LinkCounters::default() };
+            let reading = PortReading { counters, ..PortReading::default() };
+            (reading.failed_tries().unwrap_or_default(), reading.is_unreached())
+        };
+        assert_eq!(of(5, 5, 0), ("refused the connection (tries: 5)".into(), true));
+        assert_eq!(of(5, 0, 0), ("cannot be reached (tries: 5)".into(), true));
+        let both = "refused the connection (tries: 2), and could not be reached (tries: 3)";
+        assert_eq!((of(5, 2, 0), of(5, 2, 1)), ((both.into(), true), (both.into(), false)), "connected at last");
+        assert_eq!(of(0, 0, 0), (String::new(), false), "control: another kind of link");
     }
 
     #[test]

@@ -24,8 +24,7 @@ use core::{convert::Infallible, sync::atomic::AtomicBool};
 use crossbeam_channel::Receiver as Queue;
 use frames::report::{Fate, FrameEnd, FrameRecord, MissCause, RunLimits, Stage, StageTimes};
 use frames::sink::{FaultFlags, FrameMeta, SentFrame};
-use link::pps::Pps;
-use link::{Port, Stamped};
+use link::{Port, Stamped, gateway::DroppedFrames, pps::Pps};
 use plan::attitude::PathOrigin;
 use std::sync::Arc;
 
@@ -248,11 +247,13 @@ pub struct Sources {
     pub samples: Option<Queue<Stamped<PlantSample>>>,
     /// Chips with lines that trigger cameras.
     pub chips: Vec<TriggerChip>,
+    /// Frames that clients of the bus's gateways lose.
+    pub dropped: DroppedFrames,
 }
 
 impl From<Port> for Sources {
     fn from(port: Port) -> Self {
-        Self { ports: vec![port], pulses: None, samples: None, chips: Vec::new() }
+        Self { ports: vec![port], pulses: None, samples: None, chips: Vec::new(), dropped: DroppedFrames::default() }
     }
 }
 
@@ -266,6 +267,9 @@ pub(super) struct Shared<'a> {
     pub(super) lost_edges: u64,
     /// Times the numbers of a trigger line went back before the last look.
     pub(super) line_restarts: u64,
+    /// Frames that clients of gateways lost, and the number of them that the ledger has.
+    pub(super) dropped: DroppedFrames,
+    pub(super) dropped_noted: u64,
     pub(super) reply: Reply,
     pub(super) receiver: &'a mut Receiver,
 }

@@ -46,6 +46,7 @@ pub fn run_in(
 ) -> RunOutcome {
     let mut record = RunRecord::with_ring(setting.ring_frames, heads.len());
     record.limits = setting.limits;
+    let dropped = sources.dropped.clone();
     match start(setting, heads, sources) {
         Err(error) => {
             let (ports, summaries, sinks, lost_threads) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
@@ -59,6 +60,8 @@ pub fn run_in(
                 readings,
                 lost_edges: 0,
                 line_restarts: 0,
+                dropped,
+                dropped_noted: 0,
                 reply: Reply::default(),
                 receiver,
             };
@@ -107,7 +110,7 @@ fn start<'a>(
         head.engine.scene.stars.read_ahead().map_err(RunError::Scene)?;
         warm.push((head, prototype));
     }
-    let Sources { ports, pulses, samples, chips } = sources;
+    let Sources { ports, pulses, samples, chips, .. } = sources;
     let link_thread = LinkThreads::start(ports, pulses, samples, chips, setting.clock, setting.hygiene)?;
     let started = warm
         .into_iter()
@@ -293,6 +296,7 @@ impl Bench<'_> {
         };
         note(EventKind::TriggerEdgeLost, &mut self.shared.lost_edges, link_thread.lost_edges());
         note(EventKind::TriggerLineRestarted, &mut self.shared.line_restarts, link_thread.line_restarts());
+        note(EventKind::GatewayDropped, &mut self.shared.dropped_noted, self.shared.dropped.total());
     }
 
     /// Passes an input to the receiver, and camera commands to their heads.

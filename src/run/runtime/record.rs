@@ -377,11 +377,19 @@ pub fn missing(limits: &RunLimits) -> [Missing; 13] {
     ]
 }
 
+/// Events of which one makes a run LOST.
+const LOST: [EventKind; 5] = [
+    EventKind::SinkDropped,
+    EventKind::SinkRefused,
+    EventKind::SinkLost,
+    EventKind::ThreadLost,
+    EventKind::GatewayDropped,
+];
+
 /// Returns the word so far.
 pub(super) fn word_so_far(limits: &RunLimits, ledger: &Ledger, account: &FrameAccount) -> RunWord {
     let is_above = |kind, limit: Option<u32>| ledger.count(kind) > u64::from(limit.unwrap_or(0));
-    let lost = [EventKind::SinkDropped, EventKind::SinkRefused, EventKind::SinkLost, EventKind::ThreadLost];
-    if lost.iter().any(|kind| ledger.count(*kind) > 0) {
+    if LOST.iter().any(|kind| ledger.count(*kind) > 0) {
         return RunWord::Lost;
     }
     let of_links = is_above(EventKind::LinkLost, limits.links_lost).then_some(RunWord::Incomplete);
@@ -441,6 +449,16 @@ pub fn lines_of_head(head: usize, heads: usize, lines: Vec<SinkLine>) -> impl It
 #[cfg(test)]
 mod outcome_tests {
     use super::*;
+
+    #[test]
+    fn frames_that_a_gateways_client_loses_make_the_word_so_far_lost() {
+        let mut record = RunRecord::default();
+        assert_eq!(record.numbers(None).word, RunWord::Ok, "control");
+        record.ledger.note(Event::new(EventKind::GatewayDropped, Tai::from_ns(0), None, Span::ZERO));
+        let numbers = record.numbers(None);
+        assert_eq!(numbers.word, RunWord::Lost);
+        assert!(numbers.events.iter().any(|event| event == ("gateway_dropped", 1)));
+    }
 
     #[test]
     fn lost_reader_of_stars_is_a_loss_of_the_run() {

@@ -23,6 +23,7 @@ use base::time::Span;
 use core::sync::atomic::{AtomicBool, Ordering};
 use crossbeam_channel::{Receiver as Queue, bounded};
 use frames::sink::{FrameMeta, SentFrame};
+use link::gateway::DroppedFrames;
 use std::{sync::Arc, thread::JoinHandle};
 
 /// Interval at which the far end's thread looks for frames and orders.
@@ -63,7 +64,8 @@ pub(super) fn fly(
         progress(head, frame, record);
     };
     let (ports, chips) = (core::mem::take(&mut cable.near), core::mem::take(&mut cable.chips));
-    let sources = Sources { ports, pulses: cable.pulses.take(), samples, chips };
+    let (pulses, dropped) = (cable.pulses.take(), DroppedFrames::of(&cable.gateways));
+    let sources = Sources { ports, pulses, samples, chips, dropped };
     let mut outcome = run_in(&setting, heads, receiver, sources, &mut seen_and_reported);
     let (now, was_over) = (clock.now().min(times.end), !stop.load(Ordering::SeqCst));
     over.store(true, Ordering::SeqCst);

@@ -6,7 +6,7 @@ use crate::wiring::verdict::{CutShort, Facts, Promise, verdict};
 use crate::wiring::{assessment::Assessment, error::LoopError, faults::FaultLine, run_clock::RunTimes};
 use base::time::{Span, Tai};
 use base::units::ARCSEC;
-use frames::report::{AnswerRow, FrameAccount, GatewayRow, HygieneLine, Losses, RunSummary, RunVerdict};
+use frames::report::{AnswerRow, EventLine, FrameAccount, GatewayRow, HygieneLine, Losses, RunSummary, RunVerdict};
 use frames::sink::{SinkLine, SinkSummary};
 use testbed::acs::{linear::PointingLoop, pointing_error::PointingNoise};
 use testbed::estimator::{GyroNoise, MekfCounts};
@@ -129,6 +129,9 @@ impl RunEnd {
         summary.losses = self.losses.clone();
         summary.gateways.clone_from(&self.gateways);
         summary.answers.clone_from(&self.answers);
+        let failed: Vec<String> = self.promise.failed_tries(&self.ports).map(|(words, _)| words).collect();
+        let is_unreached = |event: &&mut EventLine| event.kind == EventKind::LinkUnreached.name();
+        summary.last_events.iter_mut().filter(is_unreached).for_each(|event| event.detail = failed.join("; "));
         summary
     }
 

@@ -59,6 +59,12 @@ impl Promise {
         }
     }
 
+    /// Returns the links over TCP to which tries to connect failed: words with address and tries, and the port.
+    pub(super) fn failed_tries<'a>(&self, ports: &'a [PortReading]) -> impl Iterator<Item = (String, &'a PortReading)> {
+        let tried = self.links.iter().zip(ports);
+        tried.filter_map(|(name, port)| Some((format!("{name} {}", port.failed_tries()?), port)))
+    }
+
     /// Returns the end of every frame: those that the bench promised and that never came up are added.
     pub(super) fn account(&self, record: &RunRecord, cut_short: Option<CutShort>) -> FrameAccount {
         let mut account = record.account;
@@ -95,6 +101,9 @@ fn link_name(link: &Link) -> String {
         Carrier::Tcp { address, .. } => format!("tcp {address}"),
     }
 }
+
+/// Advice for an address over TCP that no program answers at.
+const LISTENS: &str = "check that a program listens there, and takes one more client";
 
 /// Returns what to check where nothing arrives over a link.
 fn advice(bench: &Bench) -> &'static str {
@@ -173,13 +182,16 @@ pub(super) fn verdict(promise: &Promise, facts: &Facts<'_>) -> RunVerdict {
     verdict
 }
 
-/// A run without a single attitude from outside is never `ok`, whatever its limits.
+/// A run without a single attitude from outside is never `ok`, whatever its limits; nor is one whose link never connected.
 fn add_silence(verdict: &mut RunVerdict, promise: &Promise, facts: &Facts<'_>) {
     let accepted = facts.receiver.attitudes.history.counts().accepted;
     let was_due = facts.record.account.scheduled() > 0;
     if promise.is_external && accepted == 0 && was_due {
         let refused: u64 = facts.ports.iter().map(PortReading::refused_messages).sum();
-        let text = if refused > 0 {
+        let unreached = promise.failed_tries(facts.ports).find(|(_, port)| port.is_unreached());
+        let text = if let Some((failed, _)) = unreached {
+            format!("no attitude arrived: {failed}: {LISTENS}")
+        } else if refused > 0 {
             let first = facts.ports.iter().find_map(|port| port.first_refused);
             let first = first.map_or_else(String::new, |first| format!(", the first is {first}"));
             format!("no attitude was accepted: {refused} messages were refused{first}: {}", promise.advice)
@@ -189,6 +201,13 @@ fn add_silence(verdict: &mut RunVerdict, promise: &Promise, facts: &Facts<'_>) {
             format!("no attitude arrived{others}: {}", promise.advice)
         };
         verdict.add(Reason { word: RunWord::Incomplete, kind: "no_attitude", count: 1, text });
+        return;
+    }
+    // One connection that never came is as one that was lost.
+    let is_allowed = facts.record.limits.links_lost.is_some_and(|most| most > 0);
+    for (failed, port) in promise.failed_tries(facts.ports).filter(|(_, port)| port.is_unreached() && !is_allowed) {
+        let (word, kind) = (RunWord::Incomplete, EventKind::LinkUnreached.name());
+        verdict.add(Reason { word, kind, count: port.counters.unreached, text: format!("{failed}: {LISTENS}") });
     }
 }
 

@@ -161,6 +161,17 @@ impl Camera {
         Ok(())
     }
 
+    /// Shows the state that the client has selected.
+    pub(super) fn show_status(&mut self) {
+        let is_awaited = match &self.commander {
+            Some(_) => self.is_running() && self.values.is_trigger_awaited,
+            None => self.acquisition.waits_for_trigger(),
+        };
+        let states = [is_awaited, self.is_running()];
+        let selected = self.values.memory.word(own::STATUS_SELECTOR) as usize;
+        self.values.memory.set(own::STATUS, states.get(selected).copied().unwrap_or_default().into());
+    }
+
     fn show_rate_range(&mut self) {
         if let Some(commander) = &mut self.commander {
             commander.show_rate_range(&mut self.values);
@@ -231,6 +242,8 @@ impl Camera {
             None => self.acquisition.trigger(&self.shared.wanted),
         };
         if is_heeded {
+            // Until the frame loop reports again, there is this one to expose.
+            self.values.is_trigger_awaited = false;
             self.shared.tally.triggers.one();
         }
         Ok(())

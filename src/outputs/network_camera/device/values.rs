@@ -16,12 +16,14 @@ pub(in crate::network_camera) struct Values {
     pub(in crate::network_camera) colours: Option<BayerPattern>,
     /// Address and value of the high half of a number that was written last; the low half makes it hold.
     pub(super) high_half: (u32, u32),
+    /// A commanded camera would take a trigger at once.
+    pub(super) is_trigger_awaited: bool,
 }
 
 impl Values {
     pub(super) fn new(memory: Memory, size_px: [u32; 2], colours: Option<BayerPattern>) -> Self {
-        let mut values =
-            Self { memory, regions: RegionSet::new(size_px), chunks: ALL_CHUNKS, colours, high_half: (0, 0) };
+        let (regions, chunks, high_half) = (RegionSet::new(size_px), ALL_CHUNKS, (0, 0));
+        let mut values = Self { memory, regions, chunks, colours, high_half, is_trigger_awaited: false };
         values.show_region();
         values.measure_payload();
         values
@@ -103,6 +105,7 @@ impl Values {
             CameraEventKind::GainChosen(gain_db) => self.memory.set_long(own::GAIN, gain_db.to_bits()),
             CameraEventKind::ExposureAutoDone => self.memory.set(own::EXPOSURE_AUTO, 0),
             CameraEventKind::GainAutoDone => self.memory.set(own::GAIN_AUTO, 0),
+            CameraEventKind::TriggerAwaited(is_awaited) => self.is_trigger_awaited = is_awaited,
             CameraEventKind::FrameTrigger
             | CameraEventKind::FrameTriggerMissed
             | CameraEventKind::ExposureStart

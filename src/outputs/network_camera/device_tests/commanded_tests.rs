@@ -69,6 +69,7 @@ fn xml_that_clients_read_is_byte_for_byte_the_frozen_one() {
     };
     let start = StartSettings::free_running(Span::from_ms(200));
     let commands = || params(start, true).0;
+    let (mut found, mut frozen) = (Vec::new(), Vec::new());
     for (name, mut bench, bytes, crc32) in [
         ("read", bench(), 58_932, 0x6F5C_7291),
         ("read, colours", coloured(None), 58_960, 0x87DD_16B5),
@@ -82,10 +83,13 @@ fn xml_that_clients_read_is_byte_for_byte_the_frozen_one() {
             crc.update(text);
             crc.value()
         };
-        assert_eq!((text.len(), sum(&text)), (bytes, crc32), "{name}: a client finds other features");
+        found.push((name, text.len(), format!("{:08X}", sum(&text))));
+        frozen.push((name, bytes, format!("{crc32:08X}")));
+        let before = sum(&text);
         text[900] ^= 1;
-        assert_ne!(sum(&text), crc32, "control: one bit");
+        assert_ne!(sum(&text), before, "control: one bit");
     }
+    assert_eq!(found, frozen, "a client finds other features");
 }
 
 pub(super) fn taken(end: &DeskEnd) -> Vec<CameraCommand> {
@@ -190,6 +194,45 @@ fn triggers_of_the_chosen_source_start_exposures() {
     assert_eq!((taken(&end).len(), bench.write(A, own::TRIGGER_SOFTWARE, 1)), (1, OK));
     assert_eq!(taken(&end), [], "another source");
     assert_eq!(bench.device.counters().triggers, 1);
+}
+
+#[test]
+fn the_acquisition_status_says_when_a_trigger_would_be_taken() {
+    let (mut bench, end) = commanded();
+    let states = |bench: &mut Bench| {
+        [0, 1].map(|selected| {
+            assert_eq!(bench.write(A, own::STATUS_SELECTOR, selected), OK);
+            bench.read(A, own::STATUS).unwrap() == 1
+        })
+    };
+    let report =
+        |is_awaited| end.report(CameraEvent { kind: CameraEventKind::TriggerAwaited(is_awaited), at: BENCH, frame: 1 });
+    bench.write(A, own::TRIGGER_MODE, 1);
+    assert!(report(true));
+    assert_eq!(states(&mut bench), [false, false], "before the start of the acquisition");
+    bench.stream();
+    assert_eq!(states(&mut bench), [true, true]);
+    assert_eq!(bench.write(A, own::TRIGGER_SOFTWARE, 1), OK);
+    assert_eq!(states(&mut bench), [false, true], "one waits for its exposure");
+    assert!(report(true));
+    assert_eq!(states(&mut bench), [true, true]);
+    assert!(report(false));
+    assert_eq!(states(&mut bench), [false, true]);
+    assert_eq!((bench.write(A, own::STATUS_SELECTOR, 2), bench.write(A, own::STATUS, 1)), (0x8002, 0x8004));
+    bench.write(A, own::ACQUISITION_STOP, 1);
+    assert!(report(true));
+    assert_eq!(states(&mut bench), [false, false]);
+}
+
+#[test]
+fn a_camera_that_is_only_read_waits_for_as_many_triggers_as_its_acquisition_has_frames() {
+    let mut bench = bench();
+    bench.control();
+    for (address, value) in [(own::ACQUISITION_MODE, 1), (own::TRIGGER_MODE, 1), (own::ACQUISITION_START, 1)] {
+        assert_eq!((bench.read(A, own::STATUS), bench.write(A, address, value)), (Ok(0), OK));
+    }
+    assert_eq!(bench.read(A, own::STATUS), Ok(1));
+    assert_eq!((bench.write(A, own::TRIGGER_SOFTWARE, 1), bench.read(A, own::STATUS)), (OK, Ok(0)));
 }
 
 #[test]

@@ -178,6 +178,11 @@ impl Shutter {
         self.next
     }
 
+    /// Returns true when no exposure is under way and a trigger at this instant would start one.
+    pub fn awaits_trigger(&self, at: Tai) -> bool {
+        matches!(self.next, NextSlot::Waiting(_)) && self.commands.is_empty() && self.state.awaits_trigger(at)
+    }
+
     /// Returns the settings of the next slot's exposure.
     pub fn settings(&self) -> &CameraSettings {
         &self.settings

@@ -153,19 +153,29 @@ impl State {
         if !self.start.is_triggered || !self.start.sources.has(source) {
             return Outcome::Ignored;
         }
-        let is_ready = match (self.previous, self.start.overlap) {
+        if !self.is_ready(at) {
+            return Outcome::Missed;
+        }
+        self.armed = Some(Armed { source, at, start: at + self.start.delay });
+        self.burst_left = self.start.burst;
+        Outcome::Accepted
+    }
+
+    /// Returns true when a trigger at this instant is not too early.
+    fn is_ready(&self, at: Tai) -> bool {
+        let is_over = match (self.previous, self.start.overlap) {
             // The free run has ended: the first trigger waits until its last exposure is over.
             (Some(Previous { is_free: true, .. }), _) => true,
             (None, _) | (Some(_), TriggerOverlap::PreviousFrame) => true,
             (Some(previous), TriggerOverlap::ReadOut) => at >= previous.end,
             (Some(previous), TriggerOverlap::Off) => at >= previous.read,
         };
-        if self.burst_left > 0 || !is_ready {
-            return Outcome::Missed;
-        }
-        self.armed = Some(Armed { source, at, start: at + self.start.delay });
-        self.burst_left = self.start.burst;
-        Outcome::Accepted
+        self.burst_left == 0 && is_over
+    }
+
+    /// Returns true when exposures wait for triggers, and one at this instant is not too early.
+    pub(super) fn awaits_trigger(&self, at: Tai) -> bool {
+        self.start.is_triggered && self.is_ready(at)
     }
 
     /// Records an exposure that is over for the shutter.

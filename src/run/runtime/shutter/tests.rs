@@ -302,11 +302,18 @@ fn the_first_trigger_after_a_free_run_is_taken_during_its_last_exposure() {
         command(&mut shutter, 1005.0, CameraCommand::Triggered(true));
         trigger(&mut shutter, 1006.0);
         trigger(&mut shutter, 1007.0);
+        assert!(!shutter.awaits_trigger(at_ms(1008.0)));
         assert_eq!(next(&mut shutter), Some((1000.0, 20.0)), "the free run's last");
         // Its readout lasts until 1,050 ms.
+        assert!(!shutter.awaits_trigger(at_ms(1029.0)), "one waits");
         assert_eq!(next(&mut shutter), Some((1030.0, 20.0)));
+        let read_ms = if overlap == TriggerOverlap::Off { 1080.0 } else { 1050.0 };
+        assert_eq!([read_ms - 0.1, read_ms].map(|ms| shutter.awaits_trigger(at_ms(ms))), [false, true], "{overlap:?}");
         trigger(&mut shutter, 1045.0);
         assert_eq!(next(&mut shutter), None, "control: too early after a triggered exposure");
+        command(&mut shutter, 1100.0, CameraCommand::Triggered(false));
+        assert!(!shutter.awaits_trigger(at_ms(1100.0)), "control: free running");
+        command(&mut shutter, 1100.0, CameraCommand::Triggered(true));
         assert_eq!(shutter.next(), NextSlot::Waiting(at_ms(2000.0)));
         assert_eq!((shutter.seen.accepted, shutter.seen.missed), (1, 2), "{overlap:?}");
     }

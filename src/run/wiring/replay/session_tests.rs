@@ -3,7 +3,7 @@
 use super::*;
 use crate::wiring::fault_schedule::{ScheduleLimits, fault_schedule};
 use base::time::Span;
-use config::{Action, Bench};
+use config::{Action, Bench, Plant};
 use testbed::vehicle::VehicleFault;
 
 /// Returns a session of a run file with this duration.
@@ -84,6 +84,20 @@ fn scenario_over_a_bench_comes_back_with_its_vehicle_and_all_events() {
     let safe = Event { at: Span::from_ms(1), on_trigger: None, lasts: Span::ZERO, action: Action::Safe };
     session.injected.push(Injected::new(&safe, Span::from_s(1.0 / 3.0)));
     assert_eq!(again(&session).injected, session.injected);
+}
+
+#[test]
+fn a_virtual_run_with_42_comes_back_as_one_that_its_plant_steps() {
+    let document = Document::open(Path::new("benches/forty_two.toml")).unwrap();
+    let mut scenario = Scenario::from_document(&document).unwrap();
+    scenario.bench.render.backend = Backend::Cpu;
+    forty_two::step_by_plant(&mut scenario);
+    let session = session_of(&document, &scenario, &[], None);
+    let read = again(&session).scenario().unwrap();
+    assert!(read.bench.is_lockstep() && read.plant == Plant::Outside);
+    assert_eq!(read.bench.timing.start, StartTime::At(session.start()), "the date of 42's first message");
+    let real = Session { is_real: true, ..session };
+    assert!(!again(&real).scenario().unwrap().bench.is_lockstep(), "control: its packets were captured");
 }
 
 #[test]
