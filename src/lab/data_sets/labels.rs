@@ -403,10 +403,7 @@ mod tests {
         let page = include_str!("../../guide/labels.md");
         let items = ITEM_COLUMNS.iter().map(|column| (column.name, column.meaning));
         for (name, meaning) in items.chain(STAR_COLUMNS.iter().map(|column| (column.name, column.meaning))) {
-            assert!(
-                page.contains(&format!("| `{name}` | {meaning} |")),
-                "labels.md lacks: | `{name}` | {meaning} |"
-            );
+            assert!(page.contains(&format!("| `{name}` | {meaning} |")), "labels.md lacks: | `{name}` | {meaning} |");
         }
     }
 }

@@ -6,8 +6,8 @@
 
 use crate::attitudes::{BrightBodies, Circumstances};
 use crate::case_folder::{CASE, CaseFile, LOG};
-use crate::log::read_log;
 use crate::images::{ImageForm, LinearScale, WithImages};
+use crate::log::read_log;
 use crate::plan::{Plan, PlanCase, Source, folder_name};
 use crate::poses::{MARGIN_S, Pose, before_samples, margin_s, poses};
 use crate::tracker_inside::{Inside, TrackerLog};
