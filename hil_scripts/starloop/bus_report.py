@@ -7,13 +7,15 @@
 Load counts every frame with its worst-case stuff bits (ISO 11898-1), as a budget must. --ask also sends INFO commands,
 and prints the round trip to their responses: only when no other program sends commands on this bus.
 """
-# mypy: ignore-errors
+
+from __future__ import annotations
 
 import argparse
 import sys
 import time
 from collections import Counter
 from pathlib import Path
+from typing import Sequence
 
 if not __package__:  # called by its path
     sys.path[0] = str(Path(__file__).resolve().parents[1])
@@ -21,12 +23,12 @@ if not __package__:  # called by its path
 from starloop.wire import add_can_arguments, can_transport
 
 
-def classic_s(length, is_extended, bit_rate):
+def classic_s(length: int, is_extended: bool, bit_rate: float) -> float:
     """A frame with the most stuff bits and the interframe space (Davis et al. 2007)."""
     return ((80 if is_extended else 55) + 10 * length) / bit_rate
 
 
-def fd_s(length, is_extended, bit_rate, data_bit_rate):
+def fd_s(length: int, is_extended: bool, bit_rate: float, data_bit_rate: float) -> float:
     """An FD frame with bit rate switching, most stuff bits."""
     head, tail = 36 if is_extended else 17, 13
     head_stuff = (head - 1) // 4
@@ -36,12 +38,12 @@ def fd_s(length, is_extended, bit_rate, data_bit_rate):
     return (head + head_stuff + tail) / bit_rate + (stuffed + stuff + crc) / data_bit_rate
 
 
-def quantile(sorted_values, share):
+def quantile(sorted_values: Sequence[float], share: float) -> float:
     """The value below which this share of sorted values lies."""
     return sorted_values[min(len(sorted_values) - 1, int(share * len(sorted_values)))]
 
 
-def main():
+def main() -> None:
     """Listens to a bus and prints its load and its messages."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add_can_arguments(parser)
@@ -53,7 +55,9 @@ def main():
     if not given.interface:
         parser.error("the following arguments are required: --interface")
     transport = can_transport(given)
-    counts, busy_s, trips_ms = Counter(), Counter(), []
+    counts: Counter[str] = Counter()
+    busy_s: dict[str, float] = {}
+    trips_ms: list[float] = []
     token, asked_at, next_ask = 0, None, time.monotonic()
     begin = time.monotonic()
     while (now := time.monotonic()) < begin + given.seconds:
@@ -69,7 +73,8 @@ def main():
         name = found[0] if found else f"0x{message.arbitration_id:0{digits}x}"
         counts[name] += 1
         size = len(message.data), message.is_extended_id, given.bit_rate
-        busy_s[name] += fd_s(*size, given.data_bit_rate) if message.is_fd else classic_s(*size)
+        frame_s = fd_s(*size, given.data_bit_rate) if message.is_fd else classic_s(*size)
+        busy_s[name] = busy_s.get(name, 0.0) + frame_s
         if found and name == "RSP" and found[1]["Token"] == token and asked_at is not None:
             trips_ms.append((time.monotonic() - asked_at) * 1e3)
             asked_at = None
@@ -78,7 +83,7 @@ def main():
     print(f"{'message':<12}{'per second':>12}{'load %':>10}")
     for name, count in counts.most_common():
         print(f"{name:<12}{count / elapsed_s:>12.1f}{100 * busy_s[name] / elapsed_s:>10.2f}")
-    print(f"{'all':<12}{counts.total() / elapsed_s:>12.1f}{100 * busy_s.total() / elapsed_s:>10.2f}")
+    print(f"{'all':<12}{counts.total() / elapsed_s:>12.1f}{100 * sum(busy_s.values()) / elapsed_s:>10.2f}")
     if trips_ms:
         trips_ms.sort()
         print(

@@ -1,9 +1,9 @@
 """The report about a campaign as one HTML file that needs no other; charts are inline SVG, drawn here."""
-# mypy: ignore-errors
 
 from __future__ import annotations
 
 from html import escape
+from typing import Any
 
 from .campaign_report import COLOURS, MOST_CURVES, TAIL, complaint
 
@@ -24,7 +24,7 @@ CLASSES = {"passed": "met", "not_shown": "not_shown", "failed": "broken"}
 """Colour of the verdict."""
 
 
-def html_of(report: dict) -> str:
+def html_of(report: dict[str, Any]) -> str:
     """The page: verdict, requirements, distributions, worst runs, provenance."""
     verdict = escape(report["verdict"])
     parts = [
@@ -69,19 +69,19 @@ def right(text: str) -> str:
     return f'<td class="n">{escape(text)}</td>'
 
 
-def estimate(of: dict) -> str:
+def estimate(of: dict[str, Any]) -> str:
     """A value and its interval."""
     return right(f"{figure(of['value'])} ({figure(of['low'])} .. {figure(of['high'])})")
 
 
-def percent(share: dict) -> str:
+def percent(share: dict[str, Any]) -> str:
     """A share and its interval."""
     if share["value"] is None:
         return right("no run")
     return right(f"{100 * share['value']:.2f} % ({100 * share['low']:.2f} .. {100 * share['high']:.2f} %)")
 
 
-def requirements(report: dict) -> str:
+def requirements(report: dict[str, Any]) -> str:
     """The section of the requirements."""
     rows, bad = [], []
     for judgement in report["requirements"]:
@@ -92,7 +92,7 @@ def requirements(report: dict) -> str:
     return "<h2>Requirements</h2>" + table(["identifier", "requirement", "verdict", "share of runs", "measured"], rows, bad)
 
 
-def held(report: dict) -> str:
+def held(report: dict[str, Any]) -> str:
     """The section of the runs that held, by value of the grid."""
     rows = [["all", right(str(report["runs"])), percent(report["held"])]]
     for key, values in report["held_by_value"].items():
@@ -100,7 +100,7 @@ def held(report: dict) -> str:
     return "<h2>Runs that held</h2>" + table(["runs", "number", "share that held"], rows)
 
 
-def cells(of: dict) -> list[str]:
+def cells(of: dict[str, Any]) -> list[str]:
     """The numbers of a distribution."""
     deviation = right("" if of["deviation"] is None else figure(of["deviation"]))
     extremes = [right(figure(of["least"])), right(figure(of["most"]))]
@@ -110,13 +110,13 @@ def cells(of: dict) -> list[str]:
 NUMBERS = ["runs", "mean", "deviation", "median", f"{100 * TAIL:g} % quantile", "least", "most"]
 
 
-def distributions(report: dict) -> str:
+def distributions(report: dict[str, Any]) -> str:
     """The section of each metric over all runs."""
     rows = [[escape(metric["id"]), *cells(metric)] for metric in report["metrics"]]
     return "<h2>Metrics over all runs</h2>" + table(["metric", *NUMBERS], rows)
 
 
-def split(report: dict, key: str) -> str:
+def split(report: dict[str, Any], key: str) -> str:
     """Metrics by value of the grid; those that are the same in all runs are left out."""
     rows = []
     for metric in report["metrics"]:
@@ -127,10 +127,10 @@ def split(report: dict, key: str) -> str:
     return table(["metric", key, *NUMBERS], rows) if rows else "<p>All metrics are the same in all runs.</p>"
 
 
-def worst(report: dict) -> str:
+def worst(report: dict[str, Any]) -> str:
     """The worst runs with the commands that repeat them."""
 
-    def run(of: dict, first: str) -> list[str]:
+    def run(of: dict[str, Any], first: str) -> list[str]:
         settings = ", ".join(f"{key} = {value}" for key, value in of["settings"].items())
         value = right("none" if of["value"] is None else figure(of["value"]))
         return [escape(first), right(str(of["seed"])), escape(settings), value, f"<code>{escape(of['command'])}</code>"]
@@ -145,7 +145,7 @@ def worst(report: dict) -> str:
     return text + (table(["why", *heads], failed) if failed else "<p>None.</p>")
 
 
-def provenance(of: dict) -> str:
+def provenance(of: dict[str, Any]) -> str:
     """The section that says what flew where."""
     program = of["program"]
     rows = [
@@ -158,7 +158,7 @@ def provenance(of: dict) -> str:
     return "<h2>Provenance</h2>" + table(["what", "value"], rows)
 
 
-def chart(metric: dict) -> str:
+def chart(metric: dict[str, Any]) -> str:
     """The distribution's curve of one metric, one for each value of the first key of the grid."""
     low, high = metric["least"], metric["most"]
     across, down = WIDTH - LEFT - RIGHT, HEIGHT - TOP - BOTTOM
