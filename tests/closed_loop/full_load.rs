@@ -114,7 +114,13 @@ fn a_full_bus_and_a_full_line_lose_nothing() {
         limits: RunLimits::default(),
         orders: None,
     };
-    let sources = Sources { ports: vec![bus_port, line_port], pulses: None, samples: None, chips: Vec::new(), dropped: DroppedFrames::default() };
+    let sources = Sources {
+        ports: vec![bus_port, line_port],
+        pulses: None,
+        samples: None,
+        chips: Vec::new(),
+        dropped: DroppedFrames::default(),
+    };
     let heads = core::slice::from_mut(&mut head);
     let outcome = real_time::run_in(&setting, heads, &mut receiver, sources, &mut |_, _, _| {});
     ender.unwrap().join().unwrap();
