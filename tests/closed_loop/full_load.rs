@@ -9,6 +9,7 @@ use base::time::{Span, Tai};
 use firmware_protocol::message::{JitterBurst, Scet, Sync as TimeMark, TimeFollowUp, Wheels};
 use firmware_protocol::{Message, can::IdMap};
 use frames::{report::RunLimits, sink::NullSink};
+use link::gateway::DroppedFrames;
 use link::simulated::{BusParams, BusTiming, SimulatedBus};
 use link::{Port, WireFormat};
 use run::runtime::real_head::{Setting, Sources};
@@ -113,7 +114,13 @@ fn a_full_bus_and_a_full_line_lose_nothing() {
         limits: RunLimits::default(),
         orders: None,
     };
-    let sources = Sources { ports: vec![bus_port, line_port], pulses: None, samples: None, chips: Vec::new() };
+    let sources = Sources {
+        ports: vec![bus_port, line_port],
+        pulses: None,
+        samples: None,
+        chips: Vec::new(),
+        dropped: DroppedFrames::default(),
+    };
     let heads = core::slice::from_mut(&mut head);
     let outcome = real_time::run_in(&setting, heads, &mut receiver, sources, &mut |_, _, _| {});
     ender.unwrap().join().unwrap();

@@ -138,7 +138,7 @@ pub(super) mod own {
 pub(super) const USER_SETS: [&str; 4] = ["Default", "UserSet1", "UserSet2", "UserSet3"];
 
 /// States that AcquisitionStatus may be about: a trigger would be taken at once; an acquisition is not over.
-pub(super) const STATUSES: [&str; 2] = ["FrameTriggerWait", "AcquisitionActive"];
+const STATUSES: [&str; 2] = ["FrameTriggerWait", "AcquisitionActive"];
 
 /// Every feature. Names in braces are filled in by `xml`.
 #[rustfmt::skip] // One feature, one line or two.

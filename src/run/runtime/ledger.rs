@@ -115,8 +115,8 @@ events! {
     LinkLost = "link_lost",
     /// The interface or port of the bus is available again.
     LinkRegained = "link_regained",
-    /// The address that a TCP link connects to refused, or cannot be reached; it is tried again. The summary has address and
-    /// tries.
+    /// A link over TCP could not connect: its address refused, or cannot be reached. It is tried again; the summary has
+    /// address and tries.
     LinkUnreached = "link_unreached",
     /// The CAN controller went bus-off.
     BusOff = "bus_off",
