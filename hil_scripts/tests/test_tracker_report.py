@@ -546,7 +546,7 @@ print(*sys.argv[3:])
 def fits_pixels(path):
     """Returns the pixels of a FITS image of 16 bits, from the top."""
     data = path.read_bytes()
-    cards = [data[at : at + 80].decode() for at in range(0, len(data), 80)]
+    cards = [data[at : at + 80].decode("latin-1") for at in range(0, len(data), 80)]
     end = next(place for place, card in enumerate(cards) if card.rstrip() == "END")
     value = {card[:8].strip(): card[10:].split("/")[0].strip() for card in cards[:end] if card[8:10] == "= "}
     count, start = int(value["NAXIS1"]) * int(value["NAXIS2"]), -(-(end + 1) * 80 // 2880) * 2880
