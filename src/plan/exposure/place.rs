@@ -18,10 +18,8 @@ use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 use sky::astrometry::CameraGeometry;
 
-/// Smallest number of stars that is worth a thread.
+/// Number of stars one thread takes at a time, at least.
 const CHUNK: usize = 1024;
-/// Place of a star that leaves no light on the detector.
-const NOWHERE: [f64; 2] = [f64::NAN; 2];
 
 /// The brightest and the faintest of the stars, and how many may be drawn whole.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -69,7 +67,7 @@ pub(super) fn place_stars(
     let (blocks, arch) = (BlockPlacer::new(lit.camera, los, means), Arch::new());
     // Sources with pixel places are few, and are not mixed with others.
     let is_icrf = |source: &Source| matches!(source.place, SourcePlace::Icrf(_));
-    let place = |sources: &[Source], stars: &mut [PlannedStar]| {
+    let place_part = |((stars, seen), sources): ((&mut [PlannedStar], &mut usize), &[Source])| {
         let mut placed = Placed { stars, seen: 0, brightness: Brightness::NONE, margins };
         let in_blocks = blocks.filter(|_| sources.iter().all(is_icrf));
         let (eights, rest) = sources.as_chunks::<STARS>();
@@ -80,18 +78,14 @@ pub(super) fn place_stars(
         for star in single.iter().filter_map(|source| place_one(source, lit, los, means, margins)) {
             placed.push(star.electrons, || star);
         }
-        (placed.seen, placed.brightness)
+        *seen = placed.seen;
+        placed.brightness
     };
     // One part for each thread: stars behind a gap are moved, by one thread.
     let part = sources.len().div_ceil(rayon::current_num_threads()).next_multiple_of(STARS).max(CHUNK);
     // Not cleared: every star is overwritten.
     stars.resize(sources.len(), EMPTY);
     seen.resize(sources.len().div_ceil(part), 0);
-    let place_part = |((stars, seen), sources): ((&mut [PlannedStar], &mut usize), &[Source])| {
-        let (number, brightness) = place(sources, stars);
-        *seen = number;
-        brightness
-    };
     let found = if let [seen] = seen.as_mut_slice() {
         place_part(((stars, seen), sources))
     } else {
@@ -180,14 +174,15 @@ fn star_at(source: &Source, electrons: f64, place: StarPlace, mean_px: [f64; 2])
     PlannedStar { id: source.id, mag: source.mag, electrons, drawn_e: electrons, place, mean_px, ..EMPTY }
 }
 
+/// A place for a star that is not there yet.
 const EMPTY: PlannedStar = PlannedStar {
     id: 0,
     mag: 0.0,
     electrons: 0.0,
     drawn_e: 0.0,
     electrons_on_detector: 0.0,
-    place: StarPlace { mid_px: NOWHERE, tangent: DVec2::ZERO },
-    mean_px: NOWHERE,
+    place: StarPlace { mid_px: [f64::NAN; 2], tangent: DVec2::ZERO },
+    mean_px: [f64::NAN; 2],
     list: 0,
 };
 

@@ -49,8 +49,7 @@ impl Share {
 
     /// Returns where no edge takes light of a star whose path reaches `extent_px`; `None` for a field of PSFs.
     pub fn clear_of_edges(&self, extent_px: f64) -> Option<Clear> {
-        let node = self.nodes.first().filter(|_| self.field.is_none())?;
-        Some(Clear { limits_px: node.limits_px(extent_px), light: node.footprint })
+        self.nodes.first().filter(|_| self.field.is_none()).map(|node| node.clear_of_edges(extent_px))
     }
 
     /// Returns the share of `star`'s electrons on the detector.
@@ -78,8 +77,13 @@ impl Clear {
     /// Returns the share of the light of a star at `px`; `None` near an edge.
     #[inline]
     pub fn light_at(&self, px: [f64; 2]) -> Option<f64> {
-        let is_clear = |axis: usize| px[axis] >= self.limits_px[axis][0] && px[axis] <= self.limits_px[axis][1];
-        (is_clear(0) & is_clear(1)).then_some(self.light)
+        (self.axes(px) == [true; 2]).then_some(self.light)
+    }
+
+    /// Returns by axis whether no edge cuts the footprint of a star at `px`.
+    #[inline]
+    fn axes(&self, px: [f64; 2]) -> [bool; 2] {
+        [0, 1].map(|axis| px[axis] >= self.limits_px[axis][0] && px[axis] <= self.limits_px[axis][1])
     }
 }
 
@@ -119,15 +123,13 @@ impl NodeShare {
         }
     }
 
-    /// Returns by axis the first and the last place from which no path of `extent_px` takes light across an edge.
-    fn limits_px(&self, extent_px: f64) -> [[f64; 2]; 2] {
+    fn clear_of_edges(&self, extent_px: f64) -> Clear {
         let margin = self.half_px as f64 + 1.0 + extent_px;
-        self.size_px.map(|size| [margin, size as f64 - 1.0 - margin])
+        Clear { limits_px: self.size_px.map(|size| [margin, size as f64 - 1.0 - margin]), light: self.footprint }
     }
 
     fn on_detector(&self, star: &PlannedStar, camera: &CameraGeometry, nodes: &[PathNode], extent_px: f64) -> f64 {
-        let limits_px = self.limits_px(extent_px);
-        let clear = [0, 1].map(|axis| (limits_px[axis][0]..=limits_px[axis][1]).contains(&star.mean_px[axis]));
+        let clear = self.clear_of_edges(extent_px).axes(star.mean_px);
         if clear == [true; 2] {
             return self.footprint;
         }
