@@ -1,9 +1,13 @@
-"""Tests of host_setup.sh on a made-up machine: python3 hil_scripts/tests/test_host_setup.py"""
+"""Tests of host_setup.sh on a made-up machine, and of what a run asks of this one.
+
+python3 hil_scripts/tests/test_host_setup.py
+"""
 
 import os
 import unittest
+from pathlib import Path
 
-from support import SCRIPTS, folder_for, ran
+from support import BINARY, SCRIPTS, InAFolder, Running, bench_text, folder_for, ran
 
 SCRIPT = SCRIPTS / "packaging/host_setup.sh"
 # Output of iproute2 for an adapter that was never set up; afterwards, the words that a set-up adds.
@@ -106,6 +110,32 @@ class HostSetup(unittest.TestCase):
             self.assertEqual(done.returncode, 2, done.stdout)
             self.assertIn(said, done.stderr)
         self.assertIn("--restart-ms", self.run_script("--help").stdout)
+
+
+class DrawingThreads(InAFolder):
+    def threads(self, clock):
+        """Returns the identifiers of the threads that draw in a run on `clock`, and what the run was refused."""
+        bench = self.written("bench.toml", bench_text("threads") + "[budget]\naffinity = [0]\n")
+        words = ["run", str(bench), "--backend", "cpu", "--sink", "null", "--duration", "600", "--clock", clock]
+        with Running(BINARY, *words, cwd=self.folder) as program:
+            tasks = Path(f"/proc/{program.process.pid}/task")
+            named = lambda: [int(task.name) for task in tasks.iterdir() if (task / "comm").read_text().startswith("draw ")]
+            program.wait_for("^bench ")
+            found = [(thread, os.sched_getscheduler(thread), os.sched_getaffinity(thread)) for thread in named()]
+        return found, "".join(program.said)
+
+    def test_they_have_the_priority_and_the_processors_of_the_bench(self):
+        found, said = self.threads("real")
+        self.assertEqual(len(found), 1, f"one for each processor: {said}")
+        (_, policy, processors), = found
+        self.assertEqual(processors, {0})
+        if "drawing threads: first-in-first-out" not in said:
+            self.assertEqual(policy, os.SCHED_FIFO)
+        self.assertNotIn("already been initialized", said)
+
+    def test_simulated_time_needs_neither(self):
+        found, _ = self.threads("virtual")
+        self.assertEqual(found, [], "control: threads without a name of their own")
 
 
 if __name__ == "__main__":

@@ -133,8 +133,8 @@ class Adapters(Trackers):
     def test_openstartracker_answers_over_its_port(self):
         server = socket.create_server(("127.0.0.1", 0))
         self.addCleanup(server.close)
-        stand_in = OpenStarTracker(self.out / "lost_in_space/frames.csv")
-        threading.Thread(target=stand_in.serve, args=(server,), daemon=True).start()
+        tracker = OpenStarTracker(self.out / "lost_in_space/frames.csv")
+        threading.Thread(target=tracker.serve, args=(server,), daemon=True).start()
         environment = {**os.environ, "OPENSTARTRACKER_PORT": str(server.getsockname()[1])}
         self.assert_is_the_truth(self.fly(self.adapter("openstartracker"), env=environment), 7 / 8)
 

@@ -43,6 +43,7 @@ mod terminal;
 pub mod verify;
 pub mod version;
 
+use crate::cli::run::args::ClockKind;
 use anyhow::Context;
 use base::streams;
 use clap::{CommandFactory, Parser, Subcommand};
@@ -193,7 +194,10 @@ pub fn main() -> ExitCode {
         Ok(arguments) => arguments,
         Err(status) => return ExitCode::from(status),
     };
-    let status = match start_threads().and_then(|()| signals::catch()).and_then(|()| run_command(arguments.command)) {
+    let status = match start_threads(&arguments.command)
+        .and_then(|()| signals::catch())
+        .and_then(|()| run_command(arguments.command))
+    {
         Ok(status) => status,
         // Output that failed is reported below, with the stream.
         Err(error) if streams::output_has_failed() && error.root_cause().is::<std::io::Error>() => EXIT_DONE,
@@ -205,18 +209,29 @@ pub fn main() -> ExitCode {
     ExitCode::from(streams::status_of_streams(status))
 }
 
-/// Starts the threads that draw, while there is memory for them: later their absence would be a panic. Very many take
-/// minutes before the first line, so `RAYON_NUM_THREADS` is bounded.
-fn start_threads() -> anyhow::Result<()> {
+/// Advice where the threads that draw do not start.
+pub(crate) const NO_THREADS: &str =
+    "the threads that draw do not start; give the program more memory (ulimit -v), or set RAYON_NUM_THREADS=1";
+
+/// Starts the threads that draw, while there is memory for them: later their absence would be a panic. A run on the real
+/// clock starts its own, with priority and processors.
+fn start_threads(command: &Command) -> anyhow::Result<()> {
+    let is_real = matches!(command, Command::Run(arguments) if arguments.clock == ClockKind::Real);
+    if is_real || matches!(command, Command::Budget(_)) {
+        return Ok(());
+    }
+    rayon::ThreadPoolBuilder::new().num_threads(thread_count()).build_global().context(NO_THREADS)
+}
+
+/// Returns the number of threads that draw, 0 for as many as `RAYON_NUM_THREADS` or the processors. Very many take minutes
+/// before the first line, so `RAYON_NUM_THREADS` is bounded.
+pub(crate) fn thread_count() -> usize {
     let asked = std::env::var("RAYON_NUM_THREADS").ok().and_then(|text| text.trim().parse::<usize>().ok());
     let bounded = asked.filter(|asked| *asked > THREADS_MOST);
     if let Some(asked) = bounded {
         eprintln!("starloop: RAYON_NUM_THREADS: got {asked}, wanted {THREADS_MOST} at most, which are used");
     }
-    let threads = bounded.map_or(0, |_| THREADS_MOST);
-    rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context(
-        "the threads that draw do not start; give the program more memory (ulimit -v), or set RAYON_NUM_THREADS=1",
-    )
+    bounded.map_or(0, |_| THREADS_MOST)
 }
 
 /// Runs one command; the exit status.

@@ -21,7 +21,7 @@ use crate::trigger_line::{TriggerLine, TriggerLineKeys, check_trigger_lines};
 use crate::{document::Document, event_word::EventKeys, expect::ExpectKeys, plain_link};
 use base::accuracy::AccuracyBudget;
 use base::axes::{Body, Rotation, Sensor};
-use link::WireFormat;
+use link::{WireFormat, plain::TimeMeaning};
 use std::path::{Path, PathBuf};
 
 const BUILT_IN_BENCH: &str = "benches/loopback.toml";
@@ -279,6 +279,13 @@ fn check_both_ends(link: &Link, extra_links: &[Link], computer: &FlightComputer,
 }
 
 impl Bench {
+    /// Returns whether the plant is 42, which can drive the virtual clock: its lines have a time.
+    pub fn can_be_driven_by_42(&self) -> bool {
+        let has_time = self.link.plain.as_ref().is_some_and(|plain| plain.layout.time == TimeMeaning::Tag);
+        let is_over_tcp = matches!(self.link.carrier, Carrier::Tcp { .. });
+        self.flight_computer.is_external && self.link.is_of_42() && has_time && is_over_tcp
+    }
+
     /// Returns true when the plant is outside and no bus leads out of the program: its samples can only come from
     /// whoever steps the run, over the control socket or as a library.
     pub fn is_lockstep(&self) -> bool {
@@ -381,7 +388,8 @@ impl Bench {
         };
         let mut bench =
             bench.with_heads(&keys.head, &keys.extra_head, keys.mounting.sensor_from_body().is_given(), &mut check)?;
-        bench.tracker_ins = check_tracker_ins(&keys.tracker_in, &bench, &mut check)?;
+        bench.tracker_ins =
+            check_tracker_ins(&keys.tracker_in, bench.head_count(), bench.link.is_simulated_can(), &mut check)?;
         bench.tracker_outs = check_tracker_outs(&keys.tracker_out, &bench, &mut check)?;
         check_sinks_of_heads(&bench.sinks, &bench.extra_heads, &check)?;
         bench.defaulted = check.defaulted;

@@ -23,6 +23,13 @@ pub struct Plain {
     pub sender_timeout: Span,
 }
 
+impl Link {
+    /// Returns true for the lines of the simulator 42.
+    pub fn is_of_42(&self) -> bool {
+        self.plain.as_ref().is_some_and(|plain| matches!(plain.layout.encoding, Encoding::FortyTwo(_)))
+    }
+}
+
 /// Values of `encoding`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Form {

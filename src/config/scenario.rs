@@ -13,6 +13,7 @@ use crate::event::{Action, Event};
 use crate::expect::{Expect, ExpectKeys};
 use crate::file_kind::{FileKind, must_be_one_of};
 use crate::key::{Given, Section, section};
+use crate::link::Carrier;
 use crate::observer::{Observer, OrbitSettings};
 use crate::plant::{
     ControlKeys, FilePlant, FlightKeys, IN_BENCH, IN_SCENARIO, InitialKeys, Plant, PlantKeys, PlantKind, PointingKeys,
@@ -24,6 +25,7 @@ use crate::{
     setting::Setting,
 };
 use base::time::Span;
+use link::gateway::GatewayParams;
 use std::path::Path;
 
 /// A run of the stimulator, checked, with everything its file names.
@@ -103,6 +105,12 @@ impl Bench {
 }
 
 impl Scenario {
+    /// Makes the run one without a cable, which its plant steps: so 42 runs, and so its capture is drawn again.
+    pub fn step_by_plant(&mut self) {
+        self.bench.link.carrier = Carrier::Simulated(GatewayParams::default());
+        self.plant = Plant::Outside;
+    }
+
     /// Reads and checks a run file and what it names.
     ///
     /// # Errors

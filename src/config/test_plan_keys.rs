@@ -6,6 +6,15 @@
 
 use crate::key_type::{Any, Numbers, Raw, Shape, Whole, Word};
 use crate::{declared::Presence, key::section};
+use serde::Deserialize;
+
+/// `axes`: an axis map, or a quaternion.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(untagged, expecting = "invalid type: expected an axis map or a quaternion")]
+pub(super) enum AxesKey {
+    Map(String),
+    Quaternion([f64; 4]),
+}
 
 section! {
     /// A test plan.
@@ -78,7 +87,7 @@ section! {
         ];
         /// Axes of a program outside along image right, image down and the boresight, such as "-y -z x"; or the quaternion
         /// w, x, y, z from its axes to the sensor's.
-        axes: Raw<toml::Value> = Optional, Shape::either(Shape::Text("axis map"), Shape::numbers(4));
+        axes: Raw<AxesKey> = Optional, Shape::either(Shape::Text("axis map"), Shape::numbers(4));
         /// Figures of the statistical tracker, with source = "model".
         model: Raw<toml::Table> = Optional, Shape::Table("the keys of [tracker_out.model], and earth_exclusion_deg");
     }

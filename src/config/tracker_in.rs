@@ -6,7 +6,7 @@
 use crate::key::{Section, listed, section, taken};
 use crate::key_type::{Numbers, Raw, Whole, Word};
 use crate::link::{Address, named_address, port_or_address};
-use crate::{bench::Bench, camera::HEADS_MAX, check::Checker, error::Result, tracker_out::TrackerProtocol};
+use crate::{camera::HEADS_MAX, check::Checker, error::Result, tracker_out::TrackerProtocol};
 use base::time::Span;
 use base::units::ARCSEC;
 use glam::DVec3;
@@ -115,15 +115,16 @@ section! {
     }
 }
 
-/// Reads the trackers outside of a bench, whose heads are known.
+/// Reads the trackers outside of a bench with `heads`.
 pub(super) fn check_tracker_ins(
     keys: &[TrackerInKeys],
-    bench: &Bench,
+    heads: usize,
+    is_on_simulated_can: bool,
     check: &mut Checker<'_>,
 ) -> Result<Vec<TrackerIn>> {
     let mut trackers: Vec<TrackerIn> = Vec::with_capacity(keys.len());
     for keys in listed(keys, "tracker_in") {
-        let tracker = keys.tracker_in(bench, check)?;
+        let tracker = keys.tracker_in(heads, is_on_simulated_can, check)?;
         if trackers.iter().any(|other| other.head == tracker.head) {
             let wanted = "one tracker for each head";
             return Err(keys.head().invalid(format!("{} again", tracker.head), wanted, check));
@@ -134,10 +135,10 @@ pub(super) fn check_tracker_ins(
 }
 
 impl TrackerInKeys {
-    fn tracker_in(&self, bench: &Bench, check: &mut Checker<'_>) -> Result<TrackerIn> {
+    fn tracker_in(&self, heads: usize, is_on_simulated_can: bool, check: &mut Checker<'_>) -> Result<TrackerIn> {
         taken!(check, self => head, protocol, link, sigma_arcsec);
-        if head >= bench.head_count() {
-            let wanted = format!("a head of the bench: below {}", bench.head_count());
+        if head >= heads {
+            let wanted = format!("a head of the bench: below {heads}");
             return Err(self.head().invalid(head, wanted, check));
         }
         let is_can = matches!(link, AnswerWord::SocketCan | AnswerWord::SlcanTcp | AnswerWord::Bus);
@@ -147,7 +148,7 @@ impl TrackerInKeys {
             let given = self.link().advised("canopen is for CAN, the other protocols are not");
             return Err(given.invalid("another", wanted, check));
         }
-        if link == AnswerWord::Bus && !bench.link.is_simulated_can() {
+        if link == AnswerWord::Bus && !is_on_simulated_can {
             let given = self.link().advised("its own bus, with slcan_tcp, goes with any link");
             return Err(given.invalid("\"bus\"", "a bench whose link is a simulated CAN bus", check));
         }
@@ -211,7 +212,7 @@ impl TrackerInKeys {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Document;
+    use crate::{Bench, Document};
     use std::path::Path;
 
     fn trackers(text: &str) -> Result<Vec<TrackerIn>, String> {

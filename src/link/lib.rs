@@ -77,7 +77,7 @@ pub struct LinkCounters {
     pub lost: u64,
     /// Attempts to connect that failed.
     pub unreached: u64,
-    /// Those of them that the machine at the address refused; the others had no answer.
+    /// Those of them that the machine at the address refused; nothing answered the others.
     pub refused: u64,
     /// Times it came back.
     pub regained: u64,

@@ -14,8 +14,8 @@ use crate::cli::run::control::{Client, Controlled, control_steered, control_step
 use crate::cli::run::files::{TelemetryFile, telemetry_file};
 use crate::cli::terminal::{Monitor, sender};
 use crate::cli::{
-    budget_report, budget_report::budget_report, calibrate::costs_here, check::warning_line, named, named::warn_of_wcs,
-    provenance, run::finished::Finished, signals,
+    NO_THREADS, budget_report, budget_report::budget_report, calibrate::costs_here, check::warning_line, named,
+    named::warn_of_wcs, provenance, run::finished::Finished, signals, thread_count,
 };
 use anyhow::{Context, Result, bail};
 use base::clock::{Clock, Monotonic, Stopwatch};
@@ -86,7 +86,7 @@ pub(crate) fn perform(arguments: &RunArgs) -> Result<Finished> {
     say_left_out(&scenario);
     // First, because the first drawing starts the drawing threads.
     let is_real = arguments.clock == ClockKind::Real;
-    let hygiene = is_real.then(|| prepared_hygiene(&scenario, say));
+    let hygiene = is_real.then(|| prepared_hygiene(&scenario, say)).transpose()?;
     let sinks = arguments.sinks(&scenario.bench);
     // Before any folder is made: a run that does not fit leaves nothing behind.
     RunMemory::of(&scenario.bench, &sinks, RunForm { is_real, has_view: arguments.monitor.is_some() }).check()?;
@@ -178,7 +178,7 @@ fn finish_files(
 
 /// Returns whether 42 drives the clock of the run.
 fn is_driven(bench: &Bench, arguments: &RunArgs) -> Result<bool> {
-    let is_driven = arguments.clock == ClockKind::Virtual && forty_two::is_driven_by(bench);
+    let is_driven = arguments.clock == ClockKind::Virtual && bench.can_be_driven_by_42();
     if bench.timing.start == StartTime::Plant && !is_driven {
         bail!(
             "timing.start_utc: got \"plant\", wanted a time or \"now\": only 42 (link.encoding = \"42\", time = \"tag\") with \
@@ -241,7 +241,7 @@ fn title(scenario: &Scenario) -> String {
 }
 
 /// Applies the bench's real-time settings and prints those the system refused.
-fn prepared_hygiene(scenario: &Scenario, say: bool) -> Arc<Hygiene> {
+fn prepared_hygiene(scenario: &Scenario, say: bool) -> Result<Arc<Hygiene>> {
     let config::Budget { realtime, priority, affinity, .. } = scenario.bench.budget.clone();
     let report: fn(&HygieneLine) = |line| {
         if !line.got {
@@ -250,8 +250,8 @@ fn prepared_hygiene(scenario: &Scenario, say: bool) -> Arc<Hygiene> {
     };
     let hygiene = Hygiene::new(HygieneParams { realtime, priority, affinity });
     let hygiene = Arc::new(if say { hygiene.announcing(report) } else { hygiene });
-    hygiene.prepare();
-    hygiene
+    hygiene.prepare(thread_count()).context(NO_THREADS)?;
+    Ok(hygiene)
 }
 
 /// Returns where files go: only when the command line or a sink wants any. A scenario over a bench has a folder of its

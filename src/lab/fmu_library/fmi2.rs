@@ -66,7 +66,7 @@ fn folder_of(location: *const c_char) -> Result<String, String> {
     unescaped(path).ok_or_else(refuse)
 }
 
-/// Returns the text of which `%20` and the like are a part; `None` where an escape or the text makes no sense.
+/// Returns the text without escapes such as `%20`; `None` where an escape or the text makes no sense.
 fn unescaped(path: &str) -> Option<String> {
     let mut parts = path.split('%');
     let mut out = parts.next()?.as_bytes().to_vec();

@@ -67,7 +67,7 @@ impl Instance {
         }
     }
 
-    /// Asks the program; logs what it says. Without success there is no content.
+    /// Asks the program; logs what it says. Without success the content is empty.
     pub fn ask(&mut self, code: Operation, references: &[u32], content: Vec<u8>) -> (Status, Vec<u8>) {
         let head = references.iter().flat_map(|reference| reference.to_ne_bytes()).collect();
         let reply = self.worker.ask(&Request { code, head, content });

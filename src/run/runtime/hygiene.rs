@@ -95,24 +95,19 @@ impl Hygiene {
         self
     }
 
-    /// Locks memory and starts the drawing threads. Call before anything is drawn: rayon starts them once.
-    pub fn prepare(self: &Arc<Self>) {
+    /// Locks memory and starts the drawing threads, `threads` of them: 0 for as many as there are processors. Call before
+    /// anything is drawn: rayon starts them once.
+    ///
+    /// # Errors
+    /// When the threads cannot start, or run already.
+    pub fn prepare(self: &Arc<Self>, threads: usize) -> Result<(), rayon::ThreadPoolBuildError> {
         if self.params.realtime {
             self.report_each("locked memory", system::lock_memory());
         }
-        if !self.params.realtime && self.params.affinity.is_empty() {
-            return;
-        }
         let hygiene = Arc::clone(self);
-        // 0: as many as there are processors.
-        let threads = self.params.affinity.len();
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .thread_name(|i| format!("draw {i}"))
-            .start_handler(move |_| hygiene.enter(Role::Drawing));
-        if let Err(error) = pool.build_global() {
-            self.report_each(Role::Drawing.name(), Err(error.to_string()));
-        }
+        let threads = if self.params.affinity.is_empty() { threads } else { self.params.affinity.len() };
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).thread_name(|i| format!("draw {i}"));
+        pool.start_handler(move |_| hygiene.enter(Role::Drawing)).build_global()
     }
 
     /// Applies the settings to the calling thread, and touches its stack.

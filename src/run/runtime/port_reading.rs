@@ -121,7 +121,7 @@ impl PortReading {
         rejects + self.counters.foreign + self.counters.oversize
     }
 
-    /// Returns true when the port is a client over TCP that never had a connection.
+    /// Returns true when the port is a client over TCP that was never connected.
     pub fn is_unreached(&self) -> bool {
         let LinkCounters { unreached, received, sent, lost, .. } = self.counters;
         unreached > 0 && received + sent + lost == 0

@@ -377,7 +377,7 @@ pub fn missing(limits: &RunLimits) -> [Missing; 13] {
     ]
 }
 
-/// Events of which one makes a run LOST.
+/// Events that make a run LOST.
 const LOST: [EventKind; 5] = [
     EventKind::SinkDropped,
     EventKind::SinkRefused,

@@ -10,13 +10,12 @@ use crate::wiring::{assemble::Run, error::LoopError, run_end::RunEnd, stepped::S
 use anyhow::{Context, Result, anyhow, bail};
 use base::patience::Patience;
 use base::time::{Span, Tai};
-use config::{Bench, Carrier, Plant, Scenario, StartTime};
+use config::{Carrier, Scenario, StartTime};
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use frames::sink::SentFrame;
 use link::DATAGRAM_MAX;
-use link::gateway::GatewayParams;
-use link::plain::{ACKNOWLEDGE, Encoding, PlainCodec, PlainRecord, PlainTime, TimeMeaning, is_end_of_message};
+use link::plain::{ACKNOWLEDGE, PlainCodec, PlainRecord, PlainTime, is_end_of_message};
 use std::io::{BufRead, BufReader, ErrorKind, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 
@@ -34,14 +33,6 @@ pub struct FortyTwo {
     /// The message that was read to find the start, until the run takes it.
     first: Option<PlainRecord>,
     start_ns: i64,
-}
-
-/// Returns whether the plant of this bench is 42, which can drive the virtual clock.
-pub fn is_driven_by(bench: &Bench) -> bool {
-    let has_lines = bench.link.plain.as_ref().is_some_and(|plain| {
-        matches!(plain.layout.encoding, Encoding::FortyTwo(_)) && plain.layout.time == TimeMeaning::Tag
-    });
-    bench.flight_computer.is_external && has_lines && matches!(bench.link.carrier, Carrier::Tcp { .. })
 }
 
 /// Connects to 42, or waits for it, and reads its first message; the run then has no cable, and with
@@ -74,14 +65,8 @@ pub fn meet(scenario: &mut Scenario, stop: &AtomicBool) -> Result<Option<FortyTw
     if bench.timing.start == StartTime::Plant {
         bench.timing.start = StartTime::At(Tai::from_unix_ns(forty_two.start_ns));
     }
-    step_by_plant(scenario);
+    scenario.step_by_plant();
     Ok(Some(forty_two))
-}
-
-/// Makes the run one without a cable, which its plant steps: so it runs, and so its capture is drawn again.
-pub(super) fn step_by_plant(scenario: &mut Scenario) {
-    scenario.bench.link.carrier = Carrier::Simulated(GatewayParams::default());
-    scenario.plant = Plant::Outside;
 }
 
 fn connected(address: SocketAddr, stop: &AtomicBool) -> Result<Option<TcpStream>> {

@@ -10,7 +10,7 @@ use crate::runtime::{exposing::Exposing, receiver::Receiver};
 use base::time::Tai;
 use config::{Bench, Carrier, Link, Scenario, SessionStart};
 use frames::report::{FrameAccount, FrameEnd, Losses, Reason, RunLimits, RunVerdict, RunWord};
-use link::{WireFormat, gateway::GatewayParams, plain::Encoding};
+use link::{WireFormat, gateway::GatewayParams};
 
 /// How a run ended before its last frame, other than by an error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -107,10 +107,8 @@ const LISTENS: &str = "check that a program listens there, and takes one more cl
 
 /// Returns what to check where nothing arrives over a link.
 fn advice(bench: &Bench) -> &'static str {
-    let is_of_42 =
-        bench.link.plain.as_ref().is_some_and(|plain| matches!(plain.layout.encoding, Encoding::FortyTwo(_)));
     match (&bench.link.wire, &bench.link.carrier) {
-        (WireFormat::Plain, _) if is_of_42 => {
+        (WireFormat::Plain, _) if bench.link.is_of_42() => {
             "check that 42 sends to this address, that spacecraft_number is a spacecraft of its SC[n] lines, and encoding"
         }
         (WireFormat::Plain, _) => {

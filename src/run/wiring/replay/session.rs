@@ -7,7 +7,6 @@
 
 use super::injected::{Injected, KeptEvent, exact, number, wrong};
 use super::{ReplayError, Result, RowCounts, SESSION_FILE};
-use crate::wiring::forty_two;
 use base::{input_file::read_text, time::Tai};
 use config::{Backend, Document, Event, PackedDocuments, Scenario, Setting, StartTime};
 use frames::sink::replace_own_file;
@@ -237,9 +236,9 @@ impl Session {
             other => return Err(wrong("backend", other, "cpu, gpu or reference")),
         };
         // On the virtual clock 42 stepped the run: its messages are the samples of the capture.
-        if !self.is_real && forty_two::is_driven_by(bench) {
+        if !self.is_real && bench.can_be_driven_by_42() {
             bench.timing.start = StartTime::At(self.start());
-            forty_two::step_by_plant(&mut scenario);
+            scenario.step_by_plant();
         }
         for added in &self.added {
             scenario.events.push(added.event()?);

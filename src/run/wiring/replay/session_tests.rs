@@ -91,7 +91,7 @@ fn a_virtual_run_with_42_comes_back_as_one_that_its_plant_steps() {
     let document = Document::open(Path::new("benches/forty_two.toml")).unwrap();
     let mut scenario = Scenario::from_document(&document).unwrap();
     scenario.bench.render.backend = Backend::Cpu;
-    forty_two::step_by_plant(&mut scenario);
+    scenario.step_by_plant();
     let session = session_of(&document, &scenario, &[], None);
     let read = again(&session).scenario().unwrap();
     assert!(read.bench.is_lockstep() && read.plant == Plant::Outside);
