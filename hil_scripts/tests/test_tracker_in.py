@@ -16,7 +16,7 @@ from pathlib import Path
 import support
 from support import ADDRESSES, BINARY, ROOT, SYSTEM_PYTHON, TARGET, Running, folder_for, free_port, summary_of
 
-BENCH = ROOT / "configs/scenarios/tracker_in.toml"
+BENCH = ROOT / "configs/benches/tracker_in.toml"
 TRACKER = ROOT / "hil_scripts/tests/outside_tracker.py"
 CEDAR = Path(os.environ.get("STARLOOP_CEDAR_ENVIRONMENT", TARGET / "cedar_environment"))
 SMALL = ROOT / "configs/cameras/small_tracker.toml"

@@ -24,7 +24,7 @@ pub enum FileKind {
     DataSet,
 }
 
-/// Each kind that is not a bench, with top-level keys that no other kind has. The first match counts.
+/// Each kind that is not a bench, with top-level keys by which it is recognised. The first match counts.
 const KEYS: [(FileKind, &[&str]); 7] = [
     (FileKind::Requirements, &["requirement"]),
     (FileKind::TestPlan, &["case", "start_utc", "frame_rate_hz", "probability", "requirements"]),
@@ -43,8 +43,13 @@ impl FileKind {
     /// Returns the kind of a file by its top-level keys; a file without any known key is a bench, all of whose keys
     /// have defaults.
     pub fn of(document: &Document) -> Self {
-        let found = KEYS.iter().find(|(_, keys)| keys.iter().any(|key| document.has_key(key)));
-        found.map_or(Self::Bench, |(kind, _)| *kind)
+        let has_one = |keys: &[&str]| keys.iter().any(|key| document.has_key(key));
+        match KEYS.iter().find(|(_, keys)| has_one(keys)) {
+            // A bench may fly a spacecraft itself.
+            Some((Self::Scenario, _)) if !document.has_key("bench") && has_one(&BENCH_KEYS) => Self::Bench,
+            Some((kind, _)) => *kind,
+            None => Self::Bench,
+        }
     }
 
     /// Every kind.
