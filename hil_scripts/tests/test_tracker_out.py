@@ -477,6 +477,42 @@ class Clients(InAFolder):
             pairs.append((tag, [report["Attitude.Real part"], *(report[f"Attitude.{part}"] for part in "ijk")]))
         self.check(pairs, truth, SINGLE)
 
+    def test_canopen_with_the_map_of_oresat(self):
+        """A client with the file of the run; beside it the bytes at the identifiers of node 44 in OreSat1's own files."""
+        port = self.folder / "can"
+        out = f'protocol = "canopen"\nlink = "slcan_pty"\npath = "{port}"\nnode_id = 44\npdo_map = "oresat"\n{PERFECT}'
+        with contextlib.ExitStack() as stack:
+            run = stack.enter_context(Run(self.folder, [out], duration_s=25, more=SLEW.replace("start_s = 1.0", "start_s = 6.0")))
+            run.line("tracker_out[0]: canopen on slcan ")
+            network = canopen.Network()
+            stack.callback(network.disconnect)
+            network.connect(interface="slcan", channel=str(port), bitrate=500000, sleep_after_open=0.1)
+            node = network.add_node(44, str(until("the EDS file", lambda: next(run.out.glob("*_oresat.eds"), None))))
+            node.sdo.RESPONSE_TIMEOUT = 5.0
+            node.tpdo.read()
+            self.assertEqual([node.tpdo[number].cob_id for number in (3, 4, 5)], [0x3AC, 0x4AC, 0x1AD])
+            got, parts, raw, whole = [], {}, {}, threading.Event()
+            def take(pdo):
+                parts.update({variable.name: variable.raw for variable in pdo})
+                if pdo is node.tpdo[5] and "Attitude.Real part" in parts:
+                    got.append(dict(parts))
+                    if len(got) >= 90:
+                        whole.set()
+            for number in 3, 4, 5:
+                node.tpdo[number].add_callback(take)
+                network.subscribe(node.tpdo[number].cob_id, lambda identifier, data, _stamp: raw.update({identifier: bytes(data)}))
+            node.nmt.state = "OPERATIONAL"
+            self.assertTrue(whole.wait(PATIENCE_S), f"{len(got)} attitudes")
+            stack.close()
+        status, known, _ms = struct.unpack("<BBI", raw[0x3AC])
+        self.assertEqual((status, known), (4, 1))
+        self.assertEqual([len(raw[identifier]) for identifier in (0x4AC, 0x1AD)], [8, 8])
+        truth = truths(run.out)
+        by_ms = {(tag // 10**6 - 37000) % 86400000: tag for _, tag, _ in truth}
+        time = "Attitude.Milliseconds of the UTC day at mid-exposure"
+        self.check([(by_ms[report[time]], [report["Attitude.Real part"], *(report[f"Attitude.{part}"] for part in "ijk")])
+                    for report in got], truth, SINGLE)
+
     def test_the_runs_own_bus_has_the_tracker_beside_the_simulators_messages(self):
         """Node 96 on the bus that the flight computer's messages are on, for a client of the bus's gateway."""
         port = self.folder / "bus"

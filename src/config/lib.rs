@@ -100,7 +100,9 @@ pub use stages::{AttitudeSettings, Backend, Render};
 pub use target::{Overlap, TargetCourse, TargetLight, TargetSettings};
 pub use timing::{DeadlinePolicy, Degrade, StartTime, Timing};
 pub use tracker_in::{AnswerLine, TrackerIn};
-pub use tracker_out::{TrackerLine, TrackerOut, TrackerOutFault, TrackerOutFaultKind, TrackerProtocol, TrackerSource};
+pub use tracker_out::{
+    TrackerLine, TrackerOut, TrackerOutFault, TrackerOutFaultKind, TrackerPdos, TrackerProtocol, TrackerSource,
+};
 pub use trigger_line::TriggerLine;
 
 #[cfg(test)]

@@ -6,7 +6,7 @@
 use crate::key::{Section, listed, section, taken};
 use crate::key_type::{Numbers, Raw, Whole, Word};
 use crate::link::{Address, named_address, port_or_address};
-use crate::{camera::HEADS_MAX, check::Checker, error::Result, tracker_out::TrackerProtocol};
+use crate::{camera::HEADS_MAX, check::Checker, error::Result, tracker_out::{PDO_MAPS, TrackerPdos, TrackerProtocol}};
 use base::time::Span;
 use base::units::ARCSEC;
 use glam::DVec3;
@@ -76,6 +76,10 @@ pub(super) enum AnswerWord {
     Bus,
 }
 
+/// The CANopen node of a tracker outside, where no key says otherwise.
+const CANOPEN: TrackerProtocol =
+    TrackerProtocol::CanOpen { node: 96, heartbeat_ms: 0, starts_operational: true, pdos: TrackerPdos::Starloop };
+
 section! {
     /// A star tracker outside that sees the frames of a head and answers with attitudes, on the real clock; a spacecraft that
     /// is flown inside points by them.
@@ -85,7 +89,7 @@ section! {
         /// Protocol of its answers, as in [[tracker_out]]: json; sagitta over a line of bytes; canopen; ccsds is space packets.
         protocol: Word<TrackerProtocol> = "json", [
             ("json", TrackerProtocol::Json), ("sagitta", TrackerProtocol::Sagitta),
-            ("canopen", TrackerProtocol::CanOpen { node: 96, heartbeat_ms: 0, starts_operational: true }),
+            ("canopen", CANOPEN),
             ("ccsds", TrackerProtocol::Ccsds { apid: 100 }),
         ];
         /// Over what: bus is the run's simulated CAN bus, which the tracker reaches by the gateways of [link].
@@ -105,6 +109,8 @@ section! {
         bit_rate: Whole = 500_000, 10_000..=1_000_000;
         /// Number of the tracker's CANopen node, which is started when it says that it waits.
         node_id: Whole<u8> = 96, 1..=127;
+        /// Map of the node's transmit PDOs, as in [[tracker_out]].
+        pdo_map: Word<TrackerPdos> = "starloop", PDO_MAPS;
         /// Sense of the quaternion, for json, canopen and ccsds: starloop is v_sensor = q v_icrf q*, conjugate the
         /// other one.
         quaternion: Word<bool> = "starloop", [("starloop", false), ("conjugate", true)];
@@ -157,10 +163,11 @@ impl TrackerInKeys {
         }
         let protocol = match protocol {
             TrackerProtocol::CanOpen { heartbeat_ms, starts_operational, .. } => {
-                TrackerProtocol::CanOpen { node: self.node_id().check(check)?, heartbeat_ms, starts_operational }
+                let (node, pdos) = (self.node_id().check(check)?, self.pdo_map().check(check)?);
+                TrackerProtocol::CanOpen { node, heartbeat_ms, starts_operational, pdos }
             }
             other => {
-                self.refuse(&["node_id"], "protocol = \"canopen\"", check)?;
+                self.refuse(&["node_id", "pdo_map"], "protocol = \"canopen\"", check)?;
                 other
             }
         };
@@ -231,8 +238,10 @@ mod tests {
         assert_eq!((plain.head, plain.protocol, plain.late_after), (0, TrackerProtocol::Json, Span::from_ms(500)));
         assert_eq!(plain.line, AnswerLine::Udp { listen: "127.0.0.1:9101".parse().unwrap() });
         assert!((plain.sigma_rad / ARCSEC - DVec3::new(5.0, 5.0, 40.0)).length() < 1e-9);
-        let can = one("protocol = \"canopen\"\nlink = \"bus\"\nnode_id = 100\nquaternion = \"conjugate\"").unwrap();
-        assert!(matches!(can.protocol, TrackerProtocol::CanOpen { node: 100, .. }) && can.is_conjugate);
+        let can = one("protocol = \"canopen\"\nlink = \"bus\"\nnode_id = 100\npdo_map = \"oresat\"\nquaternion = \"conjugate\"").unwrap();
+        let pdos = TrackerPdos::OreSat;
+        assert!(can.is_conjugate);
+        assert!(matches!(can.protocol, TrackerProtocol::CanOpen { node: 100, pdos: of, .. } if of == pdos));
     }
 
     #[test]

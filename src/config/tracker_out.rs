@@ -72,6 +72,8 @@ pub enum TrackerProtocol {
         heartbeat_ms: u16,
         /// It is operational without being started.
         starts_operational: bool,
+        /// Map of its transmit PDOs.
+        pdos: TrackerPdos,
     },
     /// CCSDS space packets with PUS services.
     Ccsds {
@@ -80,12 +82,33 @@ pub enum TrackerProtocol {
     },
 }
 
+/// Map of the transmit PDOs of a CANopen node.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TrackerPdos {
+    /// This program's own.
+    Starloop,
+    /// That of OreSat's star tracker.
+    OreSat,
+}
+
+/// Every map by its word in files.
+pub(super) const PDO_MAPS: [(&str, TrackerPdos); 2] =
+    [("starloop", TrackerPdos::Starloop), ("oresat", TrackerPdos::OreSat)];
+
 /// Every protocol by its word in files and messages, with the values that its own keys have when they are left out.
 const PROTOCOLS: [(&str, TrackerProtocol); 5] = [
     ("json", TrackerProtocol::Json),
     ("nos3", TrackerProtocol::Nos3),
     ("sagitta", TrackerProtocol::Sagitta),
-    ("canopen", TrackerProtocol::CanOpen { node: 96, heartbeat_ms: 1000, starts_operational: false }),
+    (
+        "canopen",
+        TrackerProtocol::CanOpen {
+            node: 96,
+            heartbeat_ms: 1000,
+            starts_operational: false,
+            pdos: TrackerPdos::Starloop,
+        },
+    ),
     ("ccsds", TrackerProtocol::Ccsds { apid: 100 }),
 ];
 
@@ -246,6 +269,9 @@ section! {
         heartbeat_ms: Whole<u16> = 1000, 0..=65_535;
         /// The CANopen node is operational without being started by a master.
         starts_operational: bool = false, Any;
+        /// Transmit PDOs of the CANopen node: starloop has four; oresat has the three of OreSat1's star tracker, which is
+        /// node 44 there.
+        pdo_map: Word<TrackerPdos> = "starloop", PDO_MAPS;
         /// Number of the application process in space packets.
         apid: Whole<u16> = 100, 0..=2046;
         /// Sense of the quaternion, for json, canopen and ccsds: starloop is v_sensor = q v_icrf q*, conjugate the
@@ -398,7 +424,11 @@ impl TrackerOutKeys {
     /// Returns the protocol with the keys that belong to it.
     fn checked_protocol(&self, protocol: TrackerProtocol, check: &mut Checker<'_>) -> Result<TrackerProtocol> {
         if !matches!(protocol, TrackerProtocol::CanOpen { .. }) {
-            self.refuse(&["node_id", "heartbeat_ms", "starts_operational"], "protocol = \"canopen\"", check)?;
+            self.refuse(
+                &["node_id", "heartbeat_ms", "starts_operational", "pdo_map"],
+                "protocol = \"canopen\"",
+                check,
+            )?;
         }
         if !matches!(protocol, TrackerProtocol::Ccsds { .. }) {
             self.refuse(&["apid"], "protocol = \"ccsds\"", check)?;
@@ -409,6 +439,7 @@ impl TrackerOutKeys {
                 node: self.node_id().check(check)?,
                 heartbeat_ms: self.heartbeat_ms().check(check)?,
                 starts_operational: self.starts_operational().check(check)?,
+                pdos: self.pdo_map().check(check)?,
             },
             TrackerProtocol::Ccsds { .. } => TrackerProtocol::Ccsds { apid: self.apid().check(check)? },
         })

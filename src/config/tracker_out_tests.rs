@@ -22,8 +22,10 @@ fn telemetry_is_as_the_bench_file_says() {
     let to = "127.0.0.1:9001".parse().unwrap();
     assert_eq!(plain.line, TrackerLine::Udp { to, listen: None });
     let can = one("protocol = \"canopen\"\nlink = \"slcan_pty\"\npath = \"/tmp/st\"\nnode_id = 100").unwrap();
-    let wanted = TrackerProtocol::CanOpen { node: 100, heartbeat_ms: 1000, starts_operational: false };
-    assert_eq!((can.protocol, can.line.has_virtual_time()), (wanted, false));
+    let of = |pdos| TrackerProtocol::CanOpen { node: 100, heartbeat_ms: 1000, starts_operational: false, pdos };
+    assert_eq!((can.protocol, can.line.has_virtual_time()), (of(TrackerPdos::Starloop), false));
+    let keys = "protocol = \"canopen\"\nlink = \"file\"\npath = \"a.txt\"\nnode_id = 100\npdo_map = \"oresat\"";
+    assert_eq!(one(keys).unwrap().protocol, of(TrackerPdos::OreSat));
     let model = one(
         "source = \"model\"\nlink = \"file\"\npath = \"st.txt\"\nrate_hz = 5.0\n[tracker_out.model]\nbias_arcsec = [1.0, 0.0, 0.0]\n\
          [[tracker_out.fault]]\nkind = \"late\"\nat_s = 1.0\nfor_s = 2.0\nlate_ms = 30.0",
@@ -52,6 +54,7 @@ fn each_rule_has_a_failing_example() {
             ["quaternion", "leave it open"],
         ),
         ("link = \"udp\"\nsend_to = 1\nnode_id = 5", ["tracker_out[0].node_id", "canopen"]),
+        ("link = \"udp\"\nsend_to = 1\npdo_map = \"oresat\"", ["tracker_out[0].pdo_map", "canopen"]),
         ("link = \"udp\"\nsend_to = 1\napid = 5", ["tracker_out[0].apid", "ccsds"]),
         ("link = \"udp\"\nsend_to = 1\npath = \"a\"", ["tracker_out[0].path", "serial"]),
         ("link = \"udp\"\nsend_to = 1\nsource = \"model\"\nstars = 9", ["tracker_out[0].stars", "pixels"]),

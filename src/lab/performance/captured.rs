@@ -9,6 +9,7 @@
 //! | `# protocol: nos3` | json, nos3, sagitta, canopen, ccsds; without it the first packet decides |
 //! | `# sense: icrf_from_sensor` | quaternions of canopen and ccsds are the conjugate of this program's |
 //! | `# node: 96` | the CANopen node |
+//! | `# pdo_map: oresat` | starloop, oresat: which transmit PDOs of the node have the attitude |
 //! | `# latency_ms: 120` | from mid-exposure to the packet, for nos3, which has no time tag |
 //!
 //! Packets that are damaged, and lines without a packet, are rows without frame and time: a report counts them.
@@ -17,6 +18,7 @@ use crate::record::LogRow;
 use anyhow::{Context, Result, bail};
 use base::time::{Span, Tai};
 use glam::DQuat;
+use telemetry::canopen::dictionary::{MAPS, PdoMap, STARLOOP};
 use telemetry::reading::{Measured, Reader};
 use telemetry::{Sense, Wire, canopen::CanOpenReader, ccsds::CcsdsReader, nos3::Nos3Reader, sagitta::SagittaReader};
 
@@ -47,6 +49,7 @@ struct Remarks<'a> {
     protocol: Option<&'a str>,
     sense: Option<&'a str>,
     node: Option<&'a str>,
+    pdo_map: Option<&'a str>,
     latency_ms: Option<&'a str>,
 }
 
@@ -149,7 +152,7 @@ pub(crate) fn read(name: &str, text: &str) -> Result<Captured> {
         let (count, damaged) = (packets.len(), reader.damaged());
         bail!(
             "{name}: got {count} lines and no report of a tracker in them, {damaged} damaged; wanted telemetry of {protocol:?}; \
-             remarks before the lines say # protocol:, # node:"
+             remarks before the lines say # protocol:, # node:, # pdo_map:"
         );
     }
     let latency = remarks.latency(protocol).with_context(|| name.to_owned())?;
@@ -189,6 +192,7 @@ impl<'a> Remarks<'a> {
                 "protocol" => &mut found.protocol,
                 "sense" => &mut found.sense,
                 "node" => &mut found.node,
+                "pdo_map" => &mut found.pdo_map,
                 "latency_ms" => &mut found.latency_ms,
                 _a_remark => continue,
             };
@@ -222,6 +226,12 @@ impl<'a> Remarks<'a> {
         }
     }
 
+    fn pdo_map(&self) -> Result<&'static PdoMap> {
+        let Some(name) = self.pdo_map else { return Ok(&STARLOOP) };
+        let found = MAPS.into_iter().find(|map| map.name == name);
+        found.with_context(|| format!("# pdo_map: got {name}, wanted {}", MAPS.map(|map| map.name).join(" or ")))
+    }
+
     /// The reader of a protocol; JSON has none.
     fn reader(&self, protocol: Protocol) -> Result<Option<Box<dyn Reader>>> {
         if self.sense.is_some() && matches!(protocol, Protocol::Nos3 | Protocol::Sagitta | Protocol::Json) {
@@ -236,7 +246,7 @@ impl<'a> Remarks<'a> {
             Protocol::Json => None,
             Protocol::Nos3 => Some(Box::<Nos3Reader>::default()),
             Protocol::Sagitta => Some(Box::<SagittaReader>::default()),
-            Protocol::CanOpen => Some(Box::new(CanOpenReader::new(node, self.sense()?))),
+            Protocol::CanOpen => Some(Box::new(CanOpenReader::new(node, self.pdo_map()?, self.sense()?))),
             Protocol::Ccsds => Some(Box::new(CcsdsReader::new(self.sense()?))),
         })
     }
@@ -260,7 +270,7 @@ impl<'a> Remarks<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use telemetry::canopen::{CanOpenDevice, NodeParams};
+    use telemetry::canopen::{CanOpenDevice, NodeParams, dictionary::ORESAT};
     use telemetry::{Device, Limits, Mode, Report};
     use telemetry::{ccsds::CcsdsDevice, nos3::Nos3Device, sagitta::SagittaDevice};
 
@@ -272,7 +282,8 @@ mod tests {
     }
 
     fn device(name: &str) -> Box<dyn Device> {
-        let node = NodeParams { node: 100, heartbeat_ms: 100, starts_operational: true };
+        let map = if name == "oresat" { &ORESAT } else { &STARLOOP };
+        let node = NodeParams { node: 100, heartbeat_ms: 100, starts_operational: true, map };
         match name {
             "nos3" => Box::new(Nos3Device::new(Limits::default())),
             "sagitta" => Box::new(SagittaDevice::new(Limits::default(), 0.05)),
@@ -354,6 +365,15 @@ mod tests {
             let text = format!("# node: 100\n# sense: icrf_from_sensor\n{}", capture("canopen", is_candump));
             check("canopen", &text);
         }
+    }
+
+    #[test]
+    fn a_capture_of_oresats_map_is_a_log_when_its_remark_says_so() {
+        let text = format!("# node: 100\n# sense: icrf_from_sensor\n{}", capture("oresat", true));
+        check("oresat", &format!("# pdo_map: oresat\n{text}"));
+        assert!(format!("{:#}", rows(&text).unwrap_err()).contains("# pdo_map"), "control");
+        let other = format!("{:#}", rows(&format!("# pdo_map: own\n{text}")).unwrap_err());
+        assert!(other.contains("got own, wanted starloop or oresat"), "{other}");
     }
 
     #[test]

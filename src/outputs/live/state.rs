@@ -7,7 +7,7 @@
 use crate::live::head::{Board, Head};
 use crate::live::kept::{Picture, frame_of};
 use base::time::Tai;
-use frames::report::{NamedCounts, NewestEvent, RunNumbers, Stage, TimeTally};
+use frames::report::{NamedCounts, NewestEvent, OF_OTHER_NODES, RunNumbers, Stage, TimeTally};
 use serde_json::{Map, Value, json};
 
 /// Returns the state now, with head `chosen` at the top; `None` when the head does not exist.
@@ -79,6 +79,7 @@ fn run_of(numbers: &RunNumbers, limits_ms: &[Option<f64>; Stage::COUNT]) -> Valu
         "newest_events": numbers.newest.iter().rev().map(event_of).collect::<Vec<_>>(),
         "ports": ports,
         "ports_left_out": numbers.ports_left_out(),
+        "name_of_other_nodes": OF_OTHER_NODES,
     })
 }
 
@@ -146,6 +147,8 @@ mod tests {
         assert_eq!(frame["fault_flags"], json!(["link_drop", "hot_pixels"]));
         assert_eq!(state["lateness"]["counts"].as_array().map(Vec::len), Some(50));
         assert_eq!(state["run"]["frames"]["scheduled"], json!(9));
+        assert_eq!(state["run"]["name_of_other_nodes"], json!(OF_OTHER_NODES), "the page has no name of its own");
+        assert!(!include_str!("page/counts.js").contains(OF_OTHER_NODES));
         assert_eq!(state["run"]["events"], json!({ "late": 2 }), "what never happened is left out");
         drop(sink);
         assert_eq!(state_of(&mut board)["is_over"], json!(false), "its totals are still to come");

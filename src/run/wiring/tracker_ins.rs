@@ -3,7 +3,7 @@
 use crate::runtime::Head;
 use crate::runtime::tracker_in::{TrackerIn, TrackerInParams};
 use crate::runtime::tracker_out::{Outlet, OutletError};
-use crate::wiring::{error::Result, run_clock::RunClock};
+use crate::wiring::{error::Result, run_clock::RunClock, tracker_outs::pdo_map};
 use base::time::Span;
 use config::{AnswerLine, Bench, TrackerIn as Settings, TrackerProtocol};
 use frames::sink::{NullSink, Tee};
@@ -76,7 +76,7 @@ fn reader(settings: &Settings) -> Box<dyn Reader> {
     match settings.protocol {
         TrackerProtocol::Json | TrackerProtocol::Nos3 => Box::new(JsonReader::new(sense)),
         TrackerProtocol::Sagitta => Box::<SagittaReader>::default(),
-        TrackerProtocol::CanOpen { node, .. } => Box::new(CanOpenReader::new(node, sense)),
+        TrackerProtocol::CanOpen { node, pdos, .. } => Box::new(CanOpenReader::new(node, pdo_map(pdos), sense)),
         TrackerProtocol::Ccsds { .. } => Box::new(CcsdsReader::new(sense)),
     }
 }

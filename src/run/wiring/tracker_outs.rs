@@ -15,26 +15,22 @@ use crate::wiring::run_clock::{RunClock, RunTimes};
 use crate::wiring::vehicle_parts::{camera_orders, exposed_light, tracker_params};
 use base::time::{Span, Tai};
 use base::{clock::Clock, refused::Refused};
-use config::{OutsideTrackers, Scenario, TrackerLine, TrackerOut, TrackerProtocol, TrackerSource};
+use config::{OutsideTrackers, Scenario, TrackerLine, TrackerOut, TrackerPdos, TrackerProtocol, TrackerSource};
 use frames::camera_control::{CameraDesk, desk};
 use frames::sink::NullSink;
 use link::{gateway::GatewayParams, simulated::SimulatedBus, socketcan::Receives};
 use stars::catalog::Catalog;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use telemetry::canopen::dictionary::{ORESAT, PdoMap, STARLOOP};
 use telemetry::canopen::{CanOpenDevice, NodeParams};
 use telemetry::{Device, Limits, Sense};
-use telemetry::{
-    canopen::dictionary::SHIPPED, ccsds::CcsdsDevice, json::JsonDevice, nos3::Nos3Device, sagitta::SagittaDevice,
-};
+use telemetry::{ccsds::CcsdsDevice, json::JsonDevice, nos3::Nos3Device, sagitta::SagittaDevice};
 use testbed::tracker::{GuideStars, StarNoise, Tracker, TrackerParams};
 use testbed::tracker_model::{NoiseMethod, TrackerModel};
 
 /// Streams of the seed: one for each tracker of a bench.
 const TRACKER_SEED: u64 = 0x7374_0000;
-
-/// Name of the EDS file in a run's folder.
-const EDS_FILE: &str = "starloop_tracker.eds";
 
 /// A tracker that has its frames and no line yet.
 pub(super) struct WaitingOut {
@@ -171,11 +167,18 @@ fn device(settings: &TrackerOut, limits: Limits, exposure_s: f64) -> Box<dyn Dev
         TrackerProtocol::Json => Box::new(JsonDevice::new(settings.head, sense, limits)),
         TrackerProtocol::Nos3 => Box::new(Nos3Device::new(limits)),
         TrackerProtocol::Sagitta => Box::new(SagittaDevice::new(limits, exposure_s)),
-        TrackerProtocol::CanOpen { node, heartbeat_ms, starts_operational } => {
-            let params = NodeParams { node, heartbeat_ms, starts_operational };
+        TrackerProtocol::CanOpen { node, heartbeat_ms, starts_operational, pdos } => {
+            let params = NodeParams { node, heartbeat_ms, starts_operational, map: pdo_map(pdos) };
             Box::new(CanOpenDevice::new(params, sense, limits, exposure_s))
         }
         TrackerProtocol::Ccsds { apid } => Box::new(CcsdsDevice::new(apid, sense, limits)),
+    }
+}
+
+pub(super) fn pdo_map(pdos: TrackerPdos) -> &'static PdoMap {
+    match pdos {
+        TrackerPdos::Starloop => &STARLOOP,
+        TrackerPdos::OreSat => &ORESAT,
     }
 }
 
@@ -238,9 +241,12 @@ impl WaitingOut {
 
 /// Writes the EDS file of a CANopen node into the run's folder, where it has one, for its clients.
 fn write_eds(out: &WaitingOut) -> std::io::Result<()> {
-    let (TrackerProtocol::CanOpen { .. }, Some(folder)) = (out.settings.protocol, &out.folder) else { return Ok(()) };
+    let (TrackerProtocol::CanOpen { pdos, .. }, Some(folder)) = (out.settings.protocol, &out.folder) else {
+        return Ok(());
+    };
     std::fs::create_dir_all(folder)?;
-    std::fs::write(folder.join(EDS_FILE), SHIPPED)
+    let map = pdo_map(pdos);
+    std::fs::write(folder.join(map.file), map.text())
 }
 
 /// Refuses a path of a file that leads through a link out of its folder.

@@ -4,14 +4,14 @@
 //! Source: CiA 301 as its public summaries have it; the objects of the attitude are at the numbers of OreSat's star
 //! tracker (0x4000, 0x4002). Little-endian, classic frames, 11-bit identifiers of the predefined connection set. PDO1:
 //! state, known, stars, milliseconds of the UTC day at mid-exposure; PDO2: real part, i; PDO3: j, k (f32); PDO4: rates
-//! in arcsec/s (i16), frame. PDOs go out with each report (type 254 or 255) or with every n-th SYNC (1 to 240), while
+//! in arcsec/s (i16), frame. With OreSat's map PDO3 to PDO5 have state, known, milliseconds; real part, i; j, k. PDOs go out with each report (type 254 or 255) or with every n-th SYNC (1 to 240), while
 //! the node is operational. EMCY FF01 reports that the attitude was lost, 0000 that it is known again. The dictionary
 //! is in [`dictionary`], and writes its EDS file.
 //!
 //! Left out: other segmented SDO, block SDO, RPDO, time stamp, node guarding, LSS, changes of mappings and of identifiers.
 //!
-//! [`CanOpenReader`] reads the transmit PDOs 1 to 3 of one node. The three of one report are those that follow one another: PDO1 begins a report, PDO3
-//! ends it. Other identifiers are passed over.
+//! [`CanOpenReader`] reads the transmit PDOs of one node with a part of its attitude. Those of one report are those that
+//! follow one another: the time begins a report, k ends it. Other identifiers are passed over.
 
 use crate::device::{Continuity, single};
 use crate::reading::{Measured, Reader, unit};
@@ -19,8 +19,8 @@ use crate::{Answered, Device, Limits, Mode, Order, Report, Sense, Wire};
 use base::time::{Span, Tai};
 use base::units::ARCSEC;
 use dictionary::{
-    ATTITUDE, ERROR_REGISTER, EXPOSURE, Entry, FRAME, HEARTBEAT, MAPPED, MAPPING, NAME, NAME_TEXT, RATE, RESET, STARS,
-    STATE, TEMPERATURE, TPDO, find,
+    ATTITUDE, ERROR_REGISTER, EXPOSURE, Entry, FRAME, HEARTBEAT, MAPPING, NAME, NAME_TEXT, PDOS_MAX, PdoMap, RATE,
+    RESET, STARS, STATE, TEMPERATURE, TPDO,
 };
 use firmware_protocol::can::CanFrame;
 use sdo::{Abort, Request, Text};
@@ -36,7 +36,6 @@ pub const FIRST_FREE_NODE: u8 = 96;
 const NMT: u16 = 0x000;
 const SYNC: u16 = 0x080;
 const EMCY: u16 = 0x080;
-pub(crate) const TPDO_IDS: [u16; 4] = [0x180, 0x280, 0x380, 0x480];
 const SDO_ANSWER: u16 = 0x580;
 const SDO_REQUEST: u16 = 0x600;
 const ERROR_CONTROL: u16 = 0x700;
@@ -69,6 +68,7 @@ impl Nmt {
 #[derive(Debug)]
 pub struct CanOpenDevice {
     node: u8,
+    map: &'static PdoMap,
     starts_operational: bool,
     sense: Sense,
     limits: Limits,
@@ -76,8 +76,8 @@ pub struct CanOpenDevice {
     heartbeat_ms: u16,
     heartbeat_ms_at_start: u16,
     next_heartbeat: Option<Tai>,
-    types: [u8; 4],
-    syncs: [u8; 4],
+    types: [u8; PDOS_MAX],
+    syncs: [u8; PDOS_MAX],
     state: u8,
     exposure_us: u32,
     error_register: u8,
@@ -97,6 +97,8 @@ pub struct NodeParams {
     pub heartbeat_ms: u16,
     /// It is operational without being started by a master.
     pub starts_operational: bool,
+    /// Its transmit PDOs.
+    pub map: &'static PdoMap,
 }
 
 impl CanOpenDevice {
@@ -107,9 +109,10 @@ impl CanOpenDevice {
         reason = "saturates; exposures are shorter than an hour"
     )]
     pub fn new(params: NodeParams, sense: Sense, limits: Limits, exposure_s: f64) -> Self {
-        let NodeParams { node, heartbeat_ms, starts_operational } = params;
+        let NodeParams { node, heartbeat_ms, starts_operational, map } = params;
         Self {
             node,
+            map,
             starts_operational,
             sense,
             limits,
@@ -117,8 +120,8 @@ impl CanOpenDevice {
             heartbeat_ms,
             heartbeat_ms_at_start: heartbeat_ms,
             next_heartbeat: None,
-            types: [255; 4],
-            syncs: [0; 4],
+            types: [255; PDOS_MAX],
+            syncs: [0; PDOS_MAX],
             state: STAR_TRACK,
             exposure_us: (exposure_s * 1e6).round() as u32,
             error_register: 0,
@@ -136,8 +139,8 @@ impl CanOpenDevice {
     fn boot(&mut self, now: Tai, out: &mut Vec<Wire>) {
         self.send(ERROR_CONTROL + u16::from(self.node), &[0], out);
         self.nmt = if self.starts_operational { Nmt::Operational } else { Nmt::PreOperational };
-        self.types = [255; 4];
-        self.syncs = [0; 4];
+        self.types = [255; PDOS_MAX];
+        self.syncs = [0; PDOS_MAX];
         self.heartbeat_ms = self.heartbeat_ms_at_start;
         self.schedule(now);
     }
@@ -171,7 +174,7 @@ impl CanOpenDevice {
         if self.nmt != Nmt::Operational {
             return;
         }
-        for pdo in 0..4 {
+        for pdo in 0..self.map.pdos.len() {
             if !(1..=240).contains(&self.types[pdo]) {
                 continue;
             }
@@ -185,12 +188,12 @@ impl CanOpenDevice {
 
     fn send_pdo(&self, pdo: usize, out: &mut Vec<Wire>) {
         let mut data = Vec::with_capacity(8);
-        for (index, sub) in MAPPED[pdo] {
-            if let Some(entry) = find(*index, *sub) {
+        for (index, sub) in self.map.pdos[pdo].objects {
+            if let Some(entry) = self.map.find(*index, *sub) {
                 data.extend(self.value(&entry).iter().take(usize::from(entry.kind.bytes())));
             }
         }
-        self.send(TPDO_IDS[pdo] + u16::from(self.node), &data, out);
+        self.send(self.map.pdos[pdo].id() + u16::from(self.node), &data, out);
     }
 
     /// Value of an entry, little-endian, padded with zeros.
@@ -199,7 +202,7 @@ impl CanOpenDevice {
         let q = report.and_then(|report| report.attitude_wxyz).map_or([0.0; 4], |q| self.sense.of(q));
         let rate = report.and_then(|report| report.rate_rad_s).unwrap_or([0.0; 3]);
         let node = u32::from(self.node);
-        let pdo = usize::from(entry.index & 3);
+        let pdo = self.map.place(entry.index).unwrap_or_default();
         match (entry.index, entry.sub) {
             (ERROR_REGISTER, _) => u32::from(self.error_register).to_le_bytes(),
             (0x1005, _) => u32::from(SYNC).to_le_bytes(),
@@ -207,13 +210,13 @@ impl CanOpenDevice {
             (HEARTBEAT, _) => u32::from(self.heartbeat_ms).to_le_bytes(),
             (0x1018, 0) => 4_u32.to_le_bytes(),
             (0x1018, 2 | 3) => 1_u32.to_le_bytes(),
-            (0x1200, 0) | (0x1800..=0x1803, 0) => 2_u32.to_le_bytes(),
+            (0x1200, 0) | (TPDO..MAPPING, 0) => 2_u32.to_le_bytes(),
             (0x1200, 1) => (u32::from(SDO_REQUEST) + node).to_le_bytes(),
             (0x1200, _) => (u32::from(SDO_ANSWER) + node).to_le_bytes(),
-            (0x1800..=0x1803, 1) => (u32::from(TPDO_IDS[pdo]) + node).to_le_bytes(),
-            (0x1800..=0x1803, _) => u32::from(self.types[pdo]).to_le_bytes(),
-            (0x1A00..=0x1A03, 0) => u32::try_from(MAPPED[pdo].len()).unwrap_or(0).to_le_bytes(),
-            (0x1A00..=0x1A03, sub) => dictionary::mapping_word(pdo, usize::from(sub) - 1).unwrap_or(0).to_le_bytes(),
+            (TPDO..MAPPING, 1) => (u32::from(self.map.pdos[pdo].id()) + node).to_le_bytes(),
+            (TPDO..MAPPING, _) => u32::from(self.types[pdo]).to_le_bytes(),
+            (MAPPING..STATE, 0) => u32::try_from(self.map.pdos[pdo].objects.len()).unwrap_or(0).to_le_bytes(),
+            (MAPPING..STATE, sub) => self.map.mapping_word(pdo, usize::from(sub) - 1).unwrap_or(0).to_le_bytes(),
             (STATE, _) => u32::from(self.state).to_le_bytes(),
             (ATTITUDE, 0) => 6_u32.to_le_bytes(),
             (ATTITUDE, sub @ 1..=3) => single(q[usize::from(sub)]),
@@ -260,7 +263,7 @@ impl CanOpenDevice {
                 if (241..=253).contains(&a) || a == 0 {
                     return Err(Abort::BadValue);
                 }
-                let pdo = usize::from(entry.index & 3);
+                let pdo = self.map.place(entry.index).ok_or(Abort::NoObject)?;
                 (self.types[pdo], self.syncs[pdo]) = (a, 0);
             }
             _only_read => return Err(Abort::ReadOnly),
@@ -271,7 +274,7 @@ impl CanOpenDevice {
     fn transfer(&mut self, data: [u8; 8], now: Tai, out: &mut Vec<Wire>, orders: &mut Vec<Order>) {
         // Whatever else a client does ends the text that it read.
         let text = self.text.take();
-        let done = sdo::read(data).and_then(|request| match request {
+        let done = sdo::read(data, self.map).and_then(|request| match request {
             Request::Read(entry) if entry.index == NAME => {
                 let (text, answer) = Text::begin(&entry, NAME_TEXT);
                 self.text = Some(text);
@@ -325,7 +328,8 @@ impl Device for CanOpenDevice {
             self.send(EMCY + u16::from(self.node), &data, out);
         }
         if self.nmt == Nmt::Operational {
-            (0..4).filter(|pdo| self.types[*pdo] >= 254).for_each(|pdo| self.send_pdo(pdo, out));
+            let pdos = 0..self.map.pdos.len();
+            pdos.filter(|pdo| self.types[*pdo] >= 254).for_each(|pdo| self.send_pdo(pdo, out));
         }
     }
 
@@ -369,85 +373,88 @@ mod tests;
 #[derive(Debug, Clone, Copy)]
 struct Begun {
     time_tag: Tai,
-    stars: u16,
-    real_and_i: Option<[f64; 2]>,
+    stars: Option<u16>,
+    /// Real part, i, j, k.
+    parts: [Option<f64>; 4],
 }
+
+/// Where the parts of a quaternion are among the attitude's objects.
+const PARTS: [u8; 4] = [5, 1, 2, 3];
 
 /// Reads a CANopen star tracker.
 #[derive(Debug)]
 pub struct CanOpenReader {
     node: u8,
+    map: &'static PdoMap,
     sense: Sense,
     begun: Option<Begun>,
     damaged: u64,
 }
 
 impl CanOpenReader {
-    /// Makes a reader of this node, whose quaternions are in this sense.
-    pub fn new(node: u8, sense: Sense) -> Self {
-        Self { node, sense, begun: None, damaged: 0 }
+    /// Makes a reader of this node with this map, whose quaternions are in this sense.
+    pub fn new(node: u8, map: &'static PdoMap, sense: Sense) -> Self {
+        Self { node, map, sense, begun: None, damaged: 0 }
     }
 
-    /// PDO1: a report without an attitude is whole; another one begins.
-    fn begin(&mut self, data: [u8; 8], at: Tai, out: &mut Vec<Measured>) {
+    /// The time of a report: one without an attitude is whole; another one begins.
+    fn begin(&mut self, ms: u32, known: u8, stars: Option<u16>, at: Tai, out: &mut Vec<Measured>) {
         self.damaged += u64::from(self.begun.take().is_some());
-        let [_state, known, c, d, e, f, g, h] = data;
-        let stars = u16::from_le_bytes([c, d]);
-        let ms = i64::from(u32::from_le_bytes([e, f, g, h]));
+        let ms = i64::from(ms);
         if known > 1 || ms >= MS_PER_DAY {
             self.damaged += 1;
             return;
         }
         let time_tag = nearest_day(ms, at);
         if known == 1 {
-            self.begun = Some(Begun { time_tag, stars, real_and_i: None });
+            self.begun = Some(Begun { time_tag, stars, parts: [None; 4] });
         } else {
-            let (time_tag, stars) = (Some(time_tag), Some(stars));
-            out.push(Measured { at, time_tag, frame: None, attitude_wxyz: None, stars });
+            out.push(Measured { at, time_tag: Some(time_tag), frame: None, attitude_wxyz: None, stars });
         }
     }
 
-    /// PDO3: the report is whole.
-    fn end(&mut self, [j, k]: [f64; 2], at: Tai, out: &mut Vec<Measured>) {
-        // A PDO3 without the others before it: the capture begins in the midst of a report.
-        let Some(begun) = self.begun.take() else { return };
-        let attitude = begun.real_and_i.and_then(|[real, i]| unit(self.sense.of([real, i, j, k])));
-        if attitude.is_none() {
+    /// The last part of an attitude: the report is whole.
+    fn end(&mut self, at: Tai, out: &mut Vec<Measured>) {
+        // The last part without those before it: the capture begins in the midst of a report.
+        let Some(Begun { time_tag, stars, parts }) = self.begun.take() else { return };
+        let whole = parts.iter().all(Option::is_some).then(|| parts.map(Option::unwrap_or_default));
+        let attitude_wxyz = whole.and_then(|q| unit(self.sense.of(q)));
+        if attitude_wxyz.is_none() {
             self.damaged += 1;
             return;
         }
-        let (time_tag, stars) = (Some(begun.time_tag), Some(begun.stars));
-        out.push(Measured { at, time_tag, frame: None, attitude_wxyz: attitude, stars });
+        out.push(Measured { at, time_tag: Some(time_tag), frame: None, attitude_wxyz, stars });
     }
 }
 
 impl Reader for CanOpenReader {
     fn take(&mut self, wire: &Wire, at: Tai, out: &mut Vec<Measured>) {
         let Wire::Can(frame) = wire else { return };
-        let pdo = TPDO_IDS.iter().position(|id| frame.id() == id + u16::from(self.node));
-        let Some(pdo) = pdo.filter(|pdo| *pdo < 3) else { return };
-        let Ok(data) = <[u8; 8]>::try_from(frame.data()) else {
+        let pdo = self.map.pdos.iter().find(|pdo| frame.id() == pdo.id() + u16::from(self.node));
+        let Some(pdo) = pdo.filter(|pdo| pdo.objects.iter().any(|(index, _)| *index == ATTITUDE)) else { return };
+        let data = frame.data();
+        if data.len() != pdo.bytes() {
             self.damaged += 1;
             return;
-        };
-        match pdo {
-            0 => self.begin(data, at, out),
-            1 => {
-                if let Some(begun) = &mut self.begun {
-                    begun.real_and_i = Some(singles(data));
-                }
+        }
+        if let Some(ms) = pdo.part(data, (ATTITUDE, 4)) {
+            let [known, ..] = pdo.part(data, (ATTITUDE, 6)).unwrap_or_default();
+            let stars = pdo.part(data, (STARS, 0)).map(|[low, high, ..]| u16::from_le_bytes([low, high]));
+            self.begin(u32::from_le_bytes(ms), known, stars, at, out);
+        }
+        for (place, sub) in PARTS.into_iter().enumerate() {
+            if let (Some(begun), Some(four)) = (&mut self.begun, pdo.part(data, (ATTITUDE, sub))) {
+                begun.parts[place] = Some(f64::from(f32::from_le_bytes(four)));
             }
-            _third => self.end(singles(data), at, out),
+        }
+        if pdo.objects.contains(&(ATTITUDE, PARTS[3])) {
+            self.end(at, out);
         }
     }
 
     fn damaged(&self) -> u64 {
         self.damaged
     }
-}
-
-fn singles([a, b, c, d, e, f, g, h]: [u8; 8]) -> [f64; 2] {
-    [[a, b, c, d], [e, f, g, h]].map(|four| f64::from(f32::from_le_bytes(four)))
 }
 
 /// Returns the instant of these milliseconds of a UTC day that is nearest to `at`.

@@ -1,7 +1,7 @@
 //! SDO transfers of CiA 301: expedited ones, up to four bytes in one request and one answer, and texts that are read in
 //! segments of seven bytes. Nothing else is longer in the dictionary.
 
-use super::dictionary::{Access, Entry, find, has_index};
+use super::dictionary::{Access, Entry, PdoMap};
 
 /// Reasons to abort a transfer, by the codes of CiA 301.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,15 +40,15 @@ pub enum Request {
     Abort,
 }
 
-/// Reads a request; an abort goes back with index and sub-index.
+/// Reads a request to a dictionary with this map; an abort goes back with index and sub-index.
 ///
 /// # Errors
 /// The reason to abort the transfer.
-pub fn read(data: [u8; 8]) -> Result<Request, Abort> {
+pub fn read(data: [u8; 8], map: &PdoMap) -> Result<Request, Abort> {
     let [command, low, high, sub, value @ ..] = data;
     let entry = || {
         let index = u16::from_le_bytes([low, high]);
-        find(index, sub).ok_or(if has_index(index) { Abort::NoSub } else { Abort::NoObject })
+        map.find(index, sub).ok_or(if map.has_index(index) { Abort::NoSub } else { Abort::NoObject })
     };
     match command >> 5 {
         1 if command & 0x02 != 0 => {
@@ -129,7 +129,16 @@ fn with_place(command: u8, index: u16, sub: u8, [a, b, c, d]: [u8; 4]) -> [u8; 8
 
 #[cfg(test)]
 mod tests {
+    use super::super::dictionary::STARLOOP;
     use super::*;
+
+    fn find(index: u16, sub: u8) -> Option<Entry> {
+        STARLOOP.find(index, sub)
+    }
+
+    fn read(data: [u8; 8]) -> Result<Request, Abort> {
+        super::read(data, &STARLOOP)
+    }
 
     #[test]
     fn a_text_goes_out_in_segments_of_seven_bytes() {

@@ -1,5 +1,6 @@
 //! The CANopen tracker, frame by frame.
 
+use super::dictionary::{ORESAT, STARLOOP};
 use super::*;
 use crate::sample::{lost, report};
 use firmware_protocol::can::CanId;
@@ -7,7 +8,11 @@ use firmware_protocol::can::CanId;
 const NODE: u8 = 0x60;
 
 fn device(starts_operational: bool) -> CanOpenDevice {
-    let params = NodeParams { node: NODE, heartbeat_ms: 500, starts_operational };
+    with_map(&STARLOOP, starts_operational)
+}
+
+fn with_map(map: &'static PdoMap, starts_operational: bool) -> CanOpenDevice {
+    let params = NodeParams { node: NODE, heartbeat_ms: 500, starts_operational, map };
     CanOpenDevice::new(params, Sense::Starloop, Limits { exposure_s: Some([0.001, 0.1]) }, 0.05)
 }
 
@@ -77,6 +82,29 @@ fn pdos_have_the_attitude_its_time_and_the_rates() {
 }
 
 #[test]
+#[allow(clippy::cast_possible_truncation, reason = "single precision on the wire")]
+fn pdos_of_oresats_map_have_its_numbers_and_parts() {
+    let mut device = with_map(&ORESAT, true);
+    device.start(report().time_tag, &mut Vec::new());
+    let got = reported(&mut device, &report());
+    let single = |angle: f64| (angle as f32).to_le_bytes();
+    let time = (12 * 3_600_000_u32 + 250).to_le_bytes();
+    let wanted = [
+        (0x3E0, [&[4, 1][..], &time[..]].concat()),
+        (0x4E0, [single(0.1_f64.cos()), single(-(0.1_f64.sin()))].concat()),
+        (0x1E1, [single(0.0), single(0.0)].concat()),
+    ];
+    assert_eq!(got, wanted);
+    let mut sdo = |data: [u8; 8]| exchange(&mut device, 0x660, &data).0.remove(0).1;
+    assert_eq!(sdo([0x40, 0x04, 0x18, 1, 0, 0, 0, 0])[4..], 0x1E1_u32.to_le_bytes());
+    assert_eq!(sdo([0x40, 0x04, 0x1A, 2, 0, 0, 0, 0])[4..], 0x4002_0320_u32.to_le_bytes());
+    assert_eq!(sdo([0x40, 0x00, 0x18, 1, 0, 0, 0, 0])[0], 0x80, "control: it has no first PDO");
+    assert_eq!(sdo([0x2F, 0x04, 0x18, 2, 1, 0, 0, 0])[0], 0x60);
+    assert_eq!(reported(&mut device, &report()).len(), 2, "the last one waits");
+    assert_eq!(exchange(&mut device, 0x80, &[]).0[0].0, 0x1E1, "with each SYNC");
+}
+
+#[test]
 fn sdo_reads_and_writes_what_the_dictionary_allows() {
     let mut device = device(false);
     device.start(report().time_tag, &mut Vec::new());
@@ -132,11 +160,15 @@ fn pdos_of_a_synchronous_type_wait_for_their_sync() {
 fn identifiers_keep_clear_of_the_simulators_own() {
     use firmware_protocol::can::IdMap;
     let is_own = |id: u16| (0..16).filter_map(|node| IdMap::new(0, node)).any(|ids| ids.message(id).is_ok());
-    let of_node = |node: u8| {
-        let ids = [EMCY, SDO_ANSWER, SDO_REQUEST, ERROR_CONTROL].into_iter().chain(TPDO_IDS);
-        ids.chain([0x200, 0x300, 0x400, 0x500]).map(move |id| id + u16::from(node)).collect::<Vec<_>>()
+    let of_node = |node: u8, map: &PdoMap| {
+        let ids = [EMCY, SDO_ANSWER, SDO_REQUEST, ERROR_CONTROL, 0x200, 0x300, 0x400, 0x500];
+        let tpdos = map.pdos.iter().map(|pdo| pdo.id());
+        ids.into_iter().chain(tpdos).map(|id| id + u16::from(node)).collect::<Vec<_>>()
     };
-    let collides = |node: u8| of_node(node).into_iter().any(is_own);
+    let collides = |node: u8| of_node(node, &STARLOOP).into_iter().any(is_own);
     assert!((FIRST_FREE_NODE..=127).all(|node| !collides(node)));
     assert!((1..FIRST_FREE_NODE).any(collides) && collides(FIRST_FREE_NODE - 1), "control");
+    // OreSat's fifth PDO is that of the next node, and the last node has no next one.
+    let collides = |node: u8| of_node(node, &ORESAT).into_iter().any(is_own);
+    assert!((FIRST_FREE_NODE..=126).all(|node| !collides(node)) && collides(127));
 }

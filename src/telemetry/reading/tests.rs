@@ -1,6 +1,7 @@
 //! Round trips: what a device says is what its reader gives, in runs of any length; damage is counted.
 
 use super::*;
+use crate::canopen::dictionary::{ORESAT, PdoMap, STARLOOP};
 use crate::canopen::{CanOpenDevice, CanOpenReader, NodeParams};
 use crate::ccsds::{CcsdsDevice, CcsdsReader};
 use crate::json::{JsonDevice, JsonReader};
@@ -26,7 +27,8 @@ struct Ends {
 }
 
 fn all_ends(sense: Sense) -> [Ends; 5] {
-    let node = NodeParams { node: NODE, heartbeat_ms: 100, starts_operational: true };
+    let node = |map: &'static PdoMap| NodeParams { node: NODE, heartbeat_ms: 100, starts_operational: true, map };
+    let can_open = |map| CanOpenDevice::new(node(map), sense, Limits::default(), 0.05);
     let of = |device: Box<dyn Device>, reader: Box<dyn Reader>, resolution_rad: f64| Ends {
         is_tagged: !device.is_polled(),
         device,
@@ -37,12 +39,8 @@ fn all_ends(sense: Sense) -> [Ends; 5] {
         of(Box::new(Nos3Device::new(Limits::default())), Box::<Nos3Reader>::default(), NOS3_RAD),
         of(Box::new(SagittaDevice::new(Limits::default(), 0.05)), Box::<SagittaReader>::default(), 3e-7),
         of(Box::new(CcsdsDevice::new(100, sense, Limits::default())), Box::new(CcsdsReader::new(sense)), 1e-12),
-        of(
-            Box::new(CanOpenDevice::new(node, sense, Limits::default(), 0.05)),
-            Box::new(CanOpenReader::new(NODE, sense)),
-            3e-7,
-        ),
-        of(Box::new(JsonDevice::new(0, sense, Limits::default())), Box::new(JsonReader::new(sense)), 2e-12),
+        of(Box::new(can_open(&STARLOOP)), Box::new(CanOpenReader::new(NODE, &STARLOOP, sense)), 3e-7),
+        of(Box::new(can_open(&ORESAT)), Box::new(CanOpenReader::new(NODE, &ORESAT, sense)), 3e-7),
     ]
 }
 
@@ -134,6 +132,10 @@ fn damage_is_counted_and_the_next_packet_is_read() {
         let whole = said(ends.device.as_mut(), &report());
         let mut damaged = whole.clone();
         let is_polled = !ends.is_tagged;
+        // PDO2 of this program's map, PDO4 of OreSat's.
+        let has_first =
+            whole.iter().any(|wire| matches!(wire, Wire::Can(frame) if frame.id() == 0x180 + u16::from(NODE)));
+        let real_and_i = if has_first { 0x280 } else { 0x480 };
         for wire in &mut damaged {
             match wire {
                 // The validity of NOS3, the bracket of JSON, a byte of the quaternion of the others.
@@ -145,7 +147,7 @@ fn damage_is_counted_and_the_next_packet_is_read() {
                     };
                     bytes[place] ^= 0x40;
                 }
-                Wire::Can(frame) if frame.id() == 0x280 + u16::from(NODE) => {
+                Wire::Can(frame) if frame.id() == real_and_i + u16::from(NODE) => {
                     let mut data = frame.data().to_vec();
                     data[3] ^= 0x40;
                     *frame = CanFrame::classic(frame.id(), &data).unwrap();
@@ -162,7 +164,7 @@ fn damage_is_counted_and_the_next_packet_is_read() {
 
 #[test]
 fn others_on_the_line_are_passed_over_and_midnight_is_crossed() {
-    let mut reader = CanOpenReader::new(NODE, Sense::Starloop);
+    let mut reader = CanOpenReader::new(NODE, &STARLOOP, Sense::Starloop);
     let other = CanFrame::classic(0x180 + u16::from(NODE) + 1, &[1; 8]).unwrap();
     let long = CanId::extended(0x180 + u32::from(NODE)).unwrap();
     for id in [other.id(), long] {
@@ -173,7 +175,7 @@ fn others_on_the_line_are_passed_over_and_midnight_is_crossed() {
     // 23:59:59.900 is received at 00:00:00.050 of the next day.
     let midnight = Tai::from_rfc3339("2026-03-02T00:00:00Z").unwrap();
     let tag = midnight - Span::from_ms(100);
-    let node = NodeParams { node: NODE, heartbeat_ms: 0, starts_operational: true };
+    let node = NodeParams { node: NODE, heartbeat_ms: 0, starts_operational: true, map: &STARLOOP };
     let mut device = CanOpenDevice::new(node, Sense::Starloop, Limits::default(), 0.05);
     let wires = said(&mut device, &Report { time_tag: tag, ..report() });
     let measured = received(&mut reader, &wires, midnight + Span::from_ms(50));

@@ -8,7 +8,7 @@ use firmware_protocol::{can::CanFrame, crc::crc16};
 use libfuzzer_sys::fuzz_target;
 use starloop_fuzz::control::is_broken;
 use starloop_fuzz::{Input, input};
-use telemetry::canopen::{CanOpenDevice, NodeParams};
+use telemetry::canopen::{CanOpenDevice, NodeParams, dictionary::STARLOOP};
 use telemetry::{Answered, Device, Limits, Mode, Order, Report, Sense, Wire};
 use telemetry::{
     ccsds::CcsdsDevice, json::JsonDevice, nos3::Nos3Device, sagitta::SagittaDevice, sagitta::slip::SlipReader,
@@ -72,7 +72,7 @@ fn device(kind: u8) -> Box<dyn Device> {
         2 => Box::new(SagittaDevice::new(LIMITS, 0.05)),
         3 => Box::new(CcsdsDevice::new(100, Sense::Starloop, LIMITS)),
         _ => {
-            let params = NodeParams { node: NODE, heartbeat_ms: 100, starts_operational: true };
+            let params = NodeParams { node: NODE, heartbeat_ms: 100, starts_operational: true, map: &STARLOOP };
             Box::new(CanOpenDevice::new(params, Sense::Starloop, LIMITS, 0.05))
         }
     };

@@ -7,7 +7,7 @@ use base::time::{Span, Tai};
 use libfuzzer_sys::fuzz_target;
 use starloop_fuzz::control::is_broken;
 use starloop_fuzz::{Input, input};
-use telemetry::canopen::{CanOpenDevice, CanOpenReader, NodeParams};
+use telemetry::canopen::{CanOpenDevice, CanOpenReader, NodeParams, dictionary::STARLOOP};
 use telemetry::ccsds::{CcsdsDevice, CcsdsReader};
 use telemetry::json::{JsonDevice, JsonReader};
 use telemetry::nos3::{Nos3Device, Nos3Reader};
@@ -44,7 +44,7 @@ fn reader(kind: u8) -> Box<dyn Reader> {
         0 => Box::<Nos3Reader>::default(),
         1 => Box::<SagittaReader>::default(),
         2 => Box::new(CcsdsReader::new(Sense::Conjugate)),
-        3 => Box::new(CanOpenReader::new(NODE, Sense::Conjugate)),
+        3 => Box::new(CanOpenReader::new(NODE, &STARLOOP, Sense::Conjugate)),
         _ => Box::new(JsonReader::new(Sense::Conjugate)),
     }
 }
@@ -97,7 +97,7 @@ fn after_noise(kind: u8, stream: &[u8]) {
         background_dn: f64::NAN,
         temperature_c: -5.0,
     };
-    let node = NodeParams { node: NODE, heartbeat_ms: 100, starts_operational: true };
+    let node = NodeParams { node: NODE, heartbeat_ms: 100, starts_operational: true, map: &STARLOOP };
     let mut device: Box<dyn Device> = match kind {
         0 => Box::new(Nos3Device::new(Limits::default())),
         1 => Box::new(SagittaDevice::new(Limits::default(), 0.05)),

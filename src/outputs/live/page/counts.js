@@ -35,7 +35,7 @@ function showCounts(run) {
   fillList("events", Object.entries(run.events).map(([name, n]) => [spaced(name), n, eventTone(name)]));
   const always = ["packets_received", "packets_sent"];
   // Other nodes of a shared bus do no harm.
-  const plain = [...always, "messages_of_other_nodes"];
+  const plain = [...always, run.name_of_other_nodes];
   const ports = run.ports.flatMap((port, i) => [
     ...(run.ports.length > 1 ? [["port " + i]] : []),
     ...Object.entries(port.counters)
