@@ -6,7 +6,12 @@
 use crate::key::{Section, listed, section, taken};
 use crate::key_type::{Numbers, Raw, Whole, Word};
 use crate::link::{Address, named_address, port_or_address};
-use crate::{camera::HEADS_MAX, check::Checker, error::Result, tracker_out::{PDO_MAPS, TrackerPdos, TrackerProtocol}};
+use crate::{
+    camera::HEADS_MAX,
+    check::Checker,
+    error::Result,
+    tracker_out::{PDO_MAPS, TrackerPdos, TrackerProtocol},
+};
 use base::time::Span;
 use base::units::ARCSEC;
 use glam::DVec3;
@@ -238,7 +243,10 @@ mod tests {
         assert_eq!((plain.head, plain.protocol, plain.late_after), (0, TrackerProtocol::Json, Span::from_ms(500)));
         assert_eq!(plain.line, AnswerLine::Udp { listen: "127.0.0.1:9101".parse().unwrap() });
         assert!((plain.sigma_rad / ARCSEC - DVec3::new(5.0, 5.0, 40.0)).length() < 1e-9);
-        let can = one("protocol = \"canopen\"\nlink = \"bus\"\nnode_id = 100\npdo_map = \"oresat\"\nquaternion = \"conjugate\"").unwrap();
+        let can = one(
+            "protocol = \"canopen\"\nlink = \"bus\"\nnode_id = 100\npdo_map = \"oresat\"\nquaternion = \"conjugate\"",
+        )
+        .unwrap();
         let pdos = TrackerPdos::OreSat;
         assert!(can.is_conjugate);
         assert!(matches!(can.protocol, TrackerProtocol::CanOpen { node: 100, pdos: of, .. } if of == pdos));
