@@ -61,12 +61,12 @@ def commands(block):
 
 
 def recipes(page, text):
-    """Returns the sections of a page that have a marked block."""
+    """Returns the sections of a page, and what is before the first one, where they have a marked block."""
     found, title, mark = [], "", ""
     lines = iter(text.splitlines())
     for line in lines:
-        if line.startswith("## "):
-            title, mark = f"{page}: {line[3:]}", ""
+        if line.startswith(("# ", "## ")):
+            title, mark = f"{page}: {line.lstrip('# ')}", ""
             found.append(Recipe(title, [], []))
         elif line.startswith("```"):
             block = []

@@ -621,7 +621,7 @@ class Plans(InAFolder):
         wanted = [min(max(math.floor((value - 60) / 2 + 0.5), 0), 255) for value in dn]
         self.assertEqual(greys, wanted)
         self.assertNotEqual(greys, [min(value >> 4, 255) for value in dn], "control: another scale")
-        done = self.run_here("fly", "plan.toml", "--out", "own", "--images", "png8", status=1)
+        done = self.run_here("fly", "plan.toml", "--out", "own", "--images", "png8", status=2)
         self.assertIn("--images: wanted a program under test", done.stderr)
 
     def test_a_quoted_command_and_a_program_that_is_not_there(self):

@@ -26,7 +26,7 @@ struct Ends {
     is_tagged: bool,
 }
 
-fn all_ends(sense: Sense) -> [Ends; 5] {
+fn all_ends(sense: Sense) -> [Ends; 6] {
     let node = |map: &'static PdoMap| NodeParams { node: NODE, heartbeat_ms: 100, starts_operational: true, map };
     let can_open = |map| CanOpenDevice::new(node(map), sense, Limits::default(), 0.05);
     let of = |device: Box<dyn Device>, reader: Box<dyn Reader>, resolution_rad: f64| Ends {
@@ -41,6 +41,7 @@ fn all_ends(sense: Sense) -> [Ends; 5] {
         of(Box::new(CcsdsDevice::new(100, sense, Limits::default())), Box::new(CcsdsReader::new(sense)), 1e-12),
         of(Box::new(can_open(&STARLOOP)), Box::new(CanOpenReader::new(NODE, &STARLOOP, sense)), 3e-7),
         of(Box::new(can_open(&ORESAT)), Box::new(CanOpenReader::new(NODE, &ORESAT, sense)), 3e-7),
+        of(Box::new(JsonDevice::new(0, sense, Limits::default())), Box::new(JsonReader::new(sense)), 2e-12),
     ]
 }
 
