@@ -62,6 +62,7 @@ mod test_plan_keys;
 mod timing;
 mod tracker_in;
 mod tracker_out;
+mod tracker_protocol;
 mod trigger_line;
 
 pub use ::link::gateway::GatewayParams;
@@ -100,9 +101,8 @@ pub use stages::{AttitudeSettings, Backend, Render};
 pub use target::{Overlap, TargetCourse, TargetLight, TargetSettings};
 pub use timing::{DeadlinePolicy, Degrade, StartTime, Timing};
 pub use tracker_in::{AnswerLine, TrackerIn};
-pub use tracker_out::{
-    TrackerLine, TrackerOut, TrackerOutFault, TrackerOutFaultKind, TrackerPdos, TrackerProtocol, TrackerSource,
-};
+pub use tracker_out::{TrackerLine, TrackerOut, TrackerOutFault, TrackerOutFaultKind, TrackerSource};
+pub use tracker_protocol::{TrackerPdos, TrackerProtocol};
 pub use trigger_line::TriggerLine;
 
 #[cfg(test)]

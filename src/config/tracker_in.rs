@@ -6,12 +6,8 @@
 use crate::key::{Section, listed, section, taken};
 use crate::key_type::{Numbers, Raw, Whole, Word};
 use crate::link::{Address, named_address, port_or_address};
-use crate::{
-    camera::HEADS_MAX,
-    check::Checker,
-    error::Result,
-    tracker_out::{PDO_MAPS, TrackerPdos, TrackerProtocol},
-};
+use crate::tracker_protocol::{PDO_MAPS, TrackerPdos, TrackerProtocol};
+use crate::{camera::HEADS_MAX, check::Checker, error::Result};
 use base::time::Span;
 use base::units::ARCSEC;
 use glam::DVec3;

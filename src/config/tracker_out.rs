@@ -6,6 +6,7 @@
 use crate::key::{Section, listed, section, taken};
 use crate::key_type::{Any, Numbers, Raw, Whole, Word};
 use crate::link::{Address, address, named_address, port_or_address};
+use crate::tracker_protocol::{PDO_MAPS, PROTOCOLS, TrackerPdos, TrackerProtocol};
 use crate::{bench::Bench, camera::HEADS_MAX, check::Checker, error::Result};
 use base::time::Span;
 use base::units::{ARCSEC, DEG};
@@ -53,71 +54,6 @@ pub enum TrackerSource {
     },
     /// A tracker of given errors, on the truth.
     Model(ModelParams),
-}
-
-/// Protocol of a tracker.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum TrackerProtocol {
-    /// Plain JSON.
-    Json,
-    /// The generic star tracker of NOS3.
-    Nos3,
-    /// Sagitta, as C2A has it.
-    Sagitta,
-    /// CANopen.
-    CanOpen {
-        /// Node number.
-        node: u8,
-        /// Time between heartbeats, ms.
-        heartbeat_ms: u16,
-        /// It is operational without being started.
-        starts_operational: bool,
-        /// Map of its transmit PDOs.
-        pdos: TrackerPdos,
-    },
-    /// CCSDS space packets with PUS services.
-    Ccsds {
-        /// Application process.
-        apid: u16,
-    },
-}
-
-/// Map of the transmit PDOs of a CANopen node.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum TrackerPdos {
-    /// This program's own.
-    Starloop,
-    /// That of OreSat's star tracker.
-    OreSat,
-}
-
-/// Every map by its word in files.
-pub(super) const PDO_MAPS: [(&str, TrackerPdos); 2] =
-    [("starloop", TrackerPdos::Starloop), ("oresat", TrackerPdos::OreSat)];
-
-/// Every protocol by its word in files and messages, with the values that its own keys have when they are left out.
-const PROTOCOLS: [(&str, TrackerProtocol); 5] = [
-    ("json", TrackerProtocol::Json),
-    ("nos3", TrackerProtocol::Nos3),
-    ("sagitta", TrackerProtocol::Sagitta),
-    (
-        "canopen",
-        TrackerProtocol::CanOpen {
-            node: 96,
-            heartbeat_ms: 1000,
-            starts_operational: false,
-            pdos: TrackerPdos::Starloop,
-        },
-    ),
-    ("ccsds", TrackerProtocol::Ccsds { apid: 100 }),
-];
-
-impl TrackerProtocol {
-    /// Its word in files and messages.
-    pub fn name(&self) -> &'static str {
-        let is_same = |known: &TrackerProtocol| core::mem::discriminant(known) == core::mem::discriminant(self);
-        PROTOCOLS.iter().find(|(_, known)| is_same(known)).map_or("", |(name, _)| name)
-    }
 }
 
 /// Over what a tracker speaks.
