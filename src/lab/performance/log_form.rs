@@ -224,9 +224,11 @@ impl LogForm {
     /// # Errors
     /// When a remark cannot be read, or says another thing than what is stated beside the log.
     pub(crate) fn with_remarks(self, text: &str) -> Result<Self> {
+        // Files of attitudes name the reference of their attitudes so.
+        let axes = remark(text, "axes").filter(|axes| *axes != "ICRF");
         let of_log = Self {
             roll: remark(text, "roll").map(str::parse).transpose()?,
-            axes: remark(text, "axes").map(str::parse).transpose()?,
+            axes: axes.map(str::parse).transpose()?,
             is_unturned: false,
         };
         let is_other = |one: Option<Roll>, other: Option<Roll>| one.is_some() && other.is_some() && one != other;
@@ -333,5 +335,8 @@ mod tests {
         assert!(stated(Some(Roll::Up), "y z x").with_remarks(log).unwrap_err().to_string().contains("# roll"));
         assert!(stated(None, "x y z").with_remarks(log).unwrap_err().to_string().contains("# axes"));
         assert_eq!(remark("frame\n# roll: up\n", "roll"), None, "behind the header");
+        let of_attitudes = "# sense: body_from_icrf\n# axes: ICRF\ntai_ns,q_w\n";
+        assert_eq!(LogForm::default().with_remarks(of_attitudes).unwrap(), LogForm::default(), "a file of attitudes");
+        assert!(LogForm::default().with_remarks(&of_attitudes.replace("ICRF", "TEME")).is_err(), "control");
     }
 }
