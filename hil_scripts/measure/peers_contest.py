@@ -3,6 +3,7 @@
 import csv
 import dataclasses
 import json
+import os
 import statistics
 import subprocess
 import time
@@ -10,10 +11,12 @@ import time
 import numpy as np
 from page import PROGRAM, machine
 from peers import PEERS, Cannot, version
-from peers_loop import CLoop
+from peers_loop import LOOPS
 
-PROGRAMS = [*PEERS, CLoop]
-"""The peers, and a brute-force loop as a bound."""
+PROGRAMS = [*PEERS, *LOOPS]
+"""The peers, and loops as bounds."""
+LOWER = "V3"
+"""The vector level at which starloop is measured too, where the processor has a better one: that of AVX2."""
 MOST_FLUX = 0.01
 """Largest share of the flux that may be missing or too much."""
 MOST_OFF = 0.2
@@ -120,8 +123,10 @@ def scenes(folder, quick):
     return [*sizes, *dense, *decades, *(real_field(folder, p) for p in (1, 64)), *noise]
 
 
-def run(*arguments):
-    done = subprocess.run([str(part) for part in (PROGRAM, *arguments)], capture_output=True, text=True, check=False)
+def run(*arguments, level=None):
+    environment = os.environ | ({"STARLOOP_VECTOR_LEVEL": level} if level else {})
+    words = [str(part) for part in (PROGRAM, *arguments)]
+    done = subprocess.run(words, capture_output=True, text=True, check=False, env=environment)
     if done.returncode:
         raise SystemExit(f"starloop {arguments}: exit {done.returncode}\n{done.stdout}\n{done.stderr}")
     return done.stdout
@@ -147,7 +152,7 @@ class Starloop:
     def __init__(self, folder):
         self.folder = folder
 
-    def render(self, scene, backend, stage):
+    def render(self, scene, backend, stage, level=None):
         camera, sources, path, out = (self.folder / name for name in ("camera.toml", "stars.csv", "path.csv", "image.fits"))
         numbers = {field.name: getattr(scene, field.name) for field in dataclasses.fields(scene)}
         camera.write_text(CAMERA.format(size=scene.size_px, dark_e_per_s=scene.dark_e / 0.1, **numbers))
@@ -161,19 +166,22 @@ class Starloop:
         place = ["--camera", camera, "--ra", "0", "--dec", "0", "--sources", sources, *motion]
         # The reference is not timed: many repeats of it would take minutes.
         timed = ["--timing"] if backend != "reference" else []
-        text = run("render", *place, "--backend", backend, "--stage", stage, *timed, "--out", out)
+        text = run("render", *place, "--backend", backend, "--stage", stage, *timed, "--out", out, level=level)
         return fits(out), json.loads(text.splitlines()[0]) if timed else {}
 
     def reference(self, scene):
         return self.render(scene, "reference", "electrons")[0]
 
-    def measure(self, scene):
-        """Mean image, digital numbers of scenes with noise, milliseconds, and the method."""
-        image, timing = self.render(scene, "cpu", "electrons")
-        self.device = timing["device"]
+    def measure(self, scene, level=None):
+        """Mean image, digital numbers of scenes with noise, and milliseconds."""
+        image, timing = self.render(scene, "cpu", "electrons", level)
+        if level is None:
+            self.device = timing["device"]
+        elif f"vector level {level}" not in timing["device"]:
+            raise SystemExit(f"wanted vector level {level}, got {timing['device']}")
         numbers = None
         if scene.noise:
-            numbers, timing = self.render(scene, "cpu", "dn")
+            numbers, timing = self.render(scene, "cpu", "dn", level)
         return image, numbers, timing["plan_ms"] + timing["render_ms"] + timing["detector_ms"]
 
 
@@ -252,6 +260,8 @@ class Contest:
         reference = self.starloop.reference(scene)
         image, numbers, ms = self.starloop.measure(scene)
         self.add(scene, "starloop", image, numbers, ms, reference)
+        if "vector level V4" in self.starloop.device:
+            self.add(scene, f"starloop {LOWER}", *self.starloop.measure(scene, LOWER), reference)
         for name in [peer.name for peer in PROGRAMS]:
             if name in self.reasons:
                 self.rows.append(Row(scene.name, name, reason=self.reasons[name]))

@@ -1,12 +1,13 @@
-"""A brute-force loop in C, compiled for this processor, as a bound beside the peers: from peers_loop import CLoop
+"""Loops in C beside the peers: from peers_loop import LOOPS
 
-It draws every star at every position and plans nothing. Its noise is one Gaussian per pixel. The table of ratios shows how near
-starloop is to such a loop without motion, and how far ahead with motion.
+`CLoop` draws every star at every position and plans nothing; its noise is one Gaussian per pixel. `Avx2` and `Avx512` are the bound
+of images without motion, by hand for one vector level each. The tables show how near starloop is to them.
 """
 
 import ctypes
 import os
 import pathlib
+import platform
 import shutil
 import subprocess
 import tempfile
@@ -15,26 +16,35 @@ import numpy as np
 from peers import Cannot, patterns, reach_px
 
 SOURCE = pathlib.Path(__file__).with_name("peers_loop.c")
+BOUND = pathlib.Path(__file__).with_name("peers_bound.c")
 LANES = 16
 """Pixels that the loop adds at a time: no star may be wider."""
-FLAGS = ["-O3", "-march=native", "-mprefer-vector-width=512", "-ffast-math", "-fopenmp", "-shared", "-fPIC", f"-DLANES={LANES}"]
+COMMON = ["-O3", "-ffast-math", "-fopenmp", "-shared", "-fPIC"]
+FLAGS = [*COMMON, "-march=native", "-mprefer-vector-width=512", f"-DLANES={LANES}"]
 
 
-def build(folder, compiler="cc"):
-    """Compiles the loop into a folder; the second try is without the flag that only x86 processors have."""
+def build(folder, compiler="cc", source=SOURCE, given=FLAGS):
+    """Compiles a loop into a folder; the second try is without the flag that only x86 processors have."""
     if shutil.which(compiler) is None:
         raise Cannot(f"a C compiler is missing here ({compiler})")
-    library = pathlib.Path(folder) / "peers_loop.so"
-    for flags in (FLAGS, [flag for flag in FLAGS if "vector-width" not in flag]):
-        command = [compiler, *flags, str(SOURCE), "-o", str(library), "-lm"]
+    library = pathlib.Path(folder) / f"{source.stem}.so"
+    for flags in (given, [flag for flag in given if "vector-width" not in flag]):
+        command = [compiler, *flags, str(source), "-o", str(library), "-lm"]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode == 0:
             return ctypes.CDLL(str(library))
-    raise Cannot(f"{compiler} does not compile the loop: {(done.stderr.strip().splitlines() or ['no message'])[-1]}")
+    raise Cannot(f"{compiler} does not compile {source.name}: {(done.stderr.strip().splitlines() or ['no message'])[-1]}")
 
 
 def pointer(array):
     return ctypes.c_void_p(array.ctypes.data)
+
+
+def image_of(scene):
+    """An image with room for a whole vector at its right edge."""
+    if 2 * reach_px(scene) + 1 > LANES - 1:
+        raise Cannot(f"a star is wider than {LANES - 1} px")
+    return np.zeros((scene.size_px, scene.size_px + LANES), np.float32)
 
 
 class CLoop:
@@ -50,10 +60,8 @@ class CLoop:
 
     def prepare(self, scene):
         size, reach, bands = scene.size_px, reach_px(scene), 8 * self.threads
-        if 2 * reach + 1 > LANES:
-            raise Cannot(f"a star is wider than {LANES} px")
-        image = np.zeros((size, size + LANES), np.float32)
         columns = [np.ascontiguousarray(v, np.float64) for v in (scene.x, scene.y, scene.electrons, scene.path)]
+        image = image_of(scene)
         x, y, electrons, path = map(pointer, columns)
         sigma = ctypes.c_double(scene.sigma_px)
 
@@ -75,3 +83,44 @@ class CLoop:
             return out
 
         return add
+
+
+class Bound:
+    """The bound of one vector level, with all threads."""
+
+    package, motion = None, "no motion"
+
+    def __init__(self):
+        if platform.machine() != "x86_64":
+            raise Cannot("the bound is for x86-64")
+        with tempfile.TemporaryDirectory() as folder:
+            self.library = build(folder, source=BOUND, given=COMMON)
+        if not self.library.has_level(self.level):
+            raise Cannot(f"this processor lacks {self.name}")
+        self.threads = len(os.sched_getaffinity(0))
+
+    def prepare(self, scene):
+        if len(scene.path) > 1 or scene.noise:
+            raise Cannot("the bound is of images without motion and noise")
+        image, size = image_of(scene), scene.size_px
+        columns = [np.ascontiguousarray(v, np.float64) for v in (scene.x + scene.path[0, 0], scene.y + scene.path[0, 1], scene.electrons)]
+        x, y, electrons = map(pointer, columns)
+        sigma = ctypes.c_double(scene.sigma_px)
+
+        def draw():
+            stars = x, y, electrons, len(columns[0])
+            self.library.bound(self.level, pointer(image), size, size + LANES, *stars, sigma, reach_px(scene), self.threads)
+            return image[:, :size]
+
+        return draw
+
+
+class Avx2(Bound):
+    name, level = "bound V3", 3
+
+
+class Avx512(Bound):
+    name, level = "bound V4", 4
+
+
+LOOPS = [CLoop, Avx2, Avx512]

@@ -3,9 +3,13 @@
 import math
 
 from page import Axis, Chart, table
-from peers_loop import CLoop
+from peers_loop import LOOPS
 
 COLOURS = ["#d62728", "#7f7f7f", "#1f77b4", "#2ca02c", "#9467bd", "#ff7f0e", "#8c564b", "#17becf"]
+
+
+OURS = "starloop"
+BOUNDS = {loop.name for loop in LOOPS}
 
 
 def programs(rows):
@@ -13,8 +17,13 @@ def programs(rows):
 
 
 def peer_times(rows, scene):
-    """Returns the rows of a scene by program, without the bound."""
-    return {row.program: row for row in rows if row.scene == scene and row.ms is not None and row.program != CLoop.name}
+    """Returns the rows of a scene by program, without the bounds."""
+    return {row.program: row for row in rows if row.scene == scene and row.ms is not None and row.program not in BOUNDS}
+
+
+def levels(rows):
+    """Returns the names of starloop at all measured vector levels."""
+    return [name for name in programs(rows) if name.startswith(OURS)] or [OURS]
 
 
 def scenes(rows):
@@ -35,10 +44,13 @@ def behind(rows):
     found = []
     for name in scenes(rows):
         of_scene = peer_times(rows, name)
-        ours = of_scene.get("starloop")
-        better = [row.program for row in of_scene.values() if ours and row.ms < ours.ms and row.l1 <= ours.l1]
-        if not ours or better:
-            found.append(f"{name} ({', '.join(better) or 'starloop did not draw it'})")
+        peers = [row for row in of_scene.values() if not row.program.startswith(OURS)]
+        for level in levels(rows):
+            ours = of_scene.get(level)
+            better = [row.program for row in peers if ours and row.ms < ours.ms and row.l1 <= ours.l1]
+            if not ours or better:
+                against = f" than {level}" if level != OURS else ""
+                found.append(f"{name} ({', '.join(better)}{against})" if better else f"{name} ({level} did not draw it)")
     return found
 
 
@@ -47,23 +59,26 @@ def faster(rows):
     found = []
     for name in scenes(rows):
         of_scene = peer_times(rows, name)
-        ours = of_scene.get("starloop")
-        found += [f"{name}: {row.program}, {ours.ms / row.ms:.2g} times as fast at L1 {row.l1:.0e}, starloop at {ours.l1:.0e}"
-                  for row in of_scene.values() if ours and row.ms < ours.ms]  # fmt: skip
+        peers = [row for row in of_scene.values() if not row.program.startswith(OURS)]
+        for level in levels(rows):
+            ours = of_scene.get(level)
+            found += [f"{name}: {row.program}, {ours.ms / row.ms:.2g} times as fast at L1 {row.l1:.0e}, {level} at {ours.l1:.0e}"
+                      for row in peers if ours and row.ms < ours.ms]  # fmt: skip
     return found
 
 
 def ratios(rows):
-    """A table of how many times as long the compiled loops take."""
-    loops = ("numba", CLoop.name)
-    lines = []
+    """A table of how many times as long the loops take as starloop at their vector level."""
     by = {(row.scene, row.program): row.ms for row in rows if row.ms is not None}
+    lower = next((level for level in levels(rows) if level != OURS), OURS)
+    pairs = [("numba", OURS), ("C loop", OURS), ("bound V4", OURS), ("bound V3", lower)]
+    lines = []
     for scene in scenes(rows):
-        ours = by.get((scene, "starloop"))
-        others = [by.get((scene, name)) for name in loops]
-        cells = [f"{other / ours:.2g}" if ours and other else "-" for other in others]
-        lines.append([scene, f"{ours:.3g}" if ours else "-", *cells])
-    return table(["scene", "starloop, ms", *(f"{name} / starloop" for name in loops)], lines)
+        times = [by.get((scene, level)) for level in levels(rows)]
+        found = [(by.get((scene, loop)), by.get((scene, ours))) for loop, ours in pairs]
+        cells = [f"{other / ours:.2g}" if ours and other else "-" for other, ours in found]
+        lines.append([scene, *(f"{ms:.3g}" if ms else "-" for ms in times), *cells])
+    return table(["scene", *(f"{level}, ms" for level in levels(rows)), *(f"{loop} / {ours}" for loop, ours in pairs)], lines)
 
 
 def markdown(rows, facts):
@@ -77,7 +92,7 @@ def markdown(rows, facts):
     at_equal = behind(rows)
     lines += ["", "A peer is faster at an equal or smaller error in: " + ("; ".join(at_equal) if at_equal else "none") + "."]
     lines += ["A peer is faster at any error in: " + ("; ".join(faster(rows)) or "none") + "."]
-    lines += ["", "The compiled loops, as ratios of times (above 1: starloop is faster):", "", *ratios(rows)]
+    lines += ["", "The loops, as ratios of times (above 1: starloop is faster):", "", *ratios(rows)]
     return "\n".join(lines) + "\n"
 
 

@@ -87,16 +87,30 @@ class Checks(unittest.TestCase):
         self.assertEqual(peers_report.behind(rows[::2]), [])
         bound = [row("s", "starloop", 2.0, 1e-6), row("s", "C loop", 1.0, 1e-7)]
         self.assertEqual((peers_report.behind(bound), peers_report.faster(bound)), ([], []), "a bound does not count as a peer")
-        self.assertIn("| s | 2 | - | 0.5 |", peers_report.ratios(bound))
+        self.assertIn("| s | 2 | - | 0.5 | - | - |", peers_report.ratios(bound))
+        both = [row("s", "starloop", 1.0, 1e-6), row("s", "starloop V3", 3.0, 1e-6), row("s", "numba", 2.0, 1e-6)]
+        self.assertEqual(peers_report.behind(both), ["s (numba than starloop V3)"], "at each vector level")
 
     def test_the_loop_in_c_draws_what_numpy_draws(self):
         loop = peers_loop.CLoop()
-        for scene in [self.scene, peers_contest.made_up(300, 64, 5), peers_contest.made_up(200, 100, 1, decades=4.0)]:
+        still = [peers_contest.made_up(200, 100, 1, decades=4.0), peers_contest.made_up(3000, 256, 1)]
+        for scene in [*still, peers_contest.made_up(300, 64, 5), self.scene]:
             image, wanted = loop.prepare(scene)(), peers.Numpy().prepare(scene)()
             self.assertLess(peers_contest.l1(image, wanted), 1e-5, scene.name)
+        for kind in (peers_loop.Avx2, peers_loop.Avx512):
+            try:
+                bound = kind()
+            except peers.Cannot as reason:
+                self.assertRegex(str(reason), "lacks|x86-64")
+                continue
+            for one in still:
+                drawn, of_numpy = bound.prepare(one)(), peers.Numpy().prepare(one)()
+                self.assertLess(peers_contest.l1(drawn, of_numpy), 1e-5, f"{kind.name}, {one.name}")
+            with self.assertRaisesRegex(peers.Cannot, "without motion"):
+                bound.prepare(self.scene)
         self.assertEqual(peers_contest.noise_differs(loop.noise(scene)(image), wanted, scene), "")
         wide = dataclasses.replace(scene, sigma_px=2.0)
-        with self.assertRaisesRegex(peers.Cannot, "wider than 16 px"):
+        with self.assertRaisesRegex(peers.Cannot, "wider than 15 px"):
             loop.prepare(wide)
         with self.assertRaisesRegex(peers.Cannot, "C compiler is missing"):
             peers_loop.build("/tmp", compiler="no-such-compiler")

@@ -26,6 +26,7 @@ pub mod streams;
 pub mod time;
 pub mod unfinished;
 pub mod units;
+pub mod vector_level;
 mod words;
 pub mod writer_queue;
 pub mod xml;

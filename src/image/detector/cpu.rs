@@ -12,6 +12,7 @@ use crate::detector::{
 };
 use base::image::{DnImage, Image};
 use base::random::key;
+use base::vector_level::vector_level;
 use core::marker::PhantomData;
 use pulp::Arch;
 
@@ -57,7 +58,7 @@ impl Detector {
             disturbances: Disturbances::new(&params, size_px, seeds),
             output,
             size_px,
-            arch: Arch::new(),
+            arch: vector_level(),
         };
         made.prepare_passes();
         made

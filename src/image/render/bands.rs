@@ -7,11 +7,11 @@
 //! [`Band`] has the pixels of a band of rows, and adds vectors to them.
 
 use crate::render::grid::LANES;
-use base::{fused::mul_add, region::Regions};
+use base::{fused::mul_add, region::Regions, vector_level::vector_level};
 use plan::exposure::pose::{POSE, PathNode};
 use plan::exposure::track::StarTrack;
 use plan::exposure::{Drawing, ExposurePlan, PlannedStar};
-use pulp::{Arch, NullaryFnOnce};
+use pulp::NullaryFnOnce;
 use rayon::prelude::*;
 
 /// Rows of one band.
@@ -115,7 +115,7 @@ impl Bands {
         if self.chunks.len() < self.used {
             self.chunks.resize_with(self.used, || chunk(bands));
         }
-        let (rows, arch) = (self.rows, Arch::new());
+        let (rows, arch) = (self.rows, vector_level());
         let fill = |(chunk, stars): (&mut Chunk, &[PlannedStar])| {
             chunk.whole.clear();
             for members in &mut chunk.bands {

@@ -14,7 +14,7 @@ use crate::render::whole::{TILE_PX, WholeImage};
 use crate::render::{Backend, check_kernel, check_sampling};
 use crate::render::{grid::LANES, plan_tables::PlanTables, profile::Profile, spline::Taps};
 use base::fused::{mul_add, whole_bits};
-use base::{image::Image, refused::Refused, region::Regions};
+use base::{image::Image, refused::Refused, region::Regions, vector_level};
 use plan::exposure::{ExposurePlan, sampling::ANALYTIC_HALF_PX};
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
@@ -35,7 +35,7 @@ impl Cpu {
     /// Returns a renderer for a detector of this size.
     pub fn new(width_px: usize, height_px: usize) -> Self {
         Self {
-            arch: Arch::new(),
+            arch: vector_level::vector_level(),
             image: Image::new(width_px, height_px),
             tables: PlanTables::new(ANALYTIC_HALF_PX, Form::Products),
             bands: Bands::new(height_px),
@@ -51,9 +51,7 @@ impl Backend for Cpu {
     }
 
     fn description(&self) -> String {
-        let simd = format!("{:?}", self.arch);
-        let simd = simd.split(['(', ' ', '{']).next().unwrap_or_default();
-        format!("{} threads, vector level {simd}", rayon::current_num_threads())
+        format!("{} threads, vector level {}", rayon::current_num_threads(), vector_level::name(self.arch))
     }
 
     fn render(&mut self, plan: &ExposurePlan) -> Result<(), Refused> {

@@ -7,7 +7,7 @@
 
 use crate::render::grid::{Grid, LANES, reserve_as};
 use crate::render::profile::erf;
-use base::fused::mul_add;
+use base::{fused::mul_add, vector_level::vector_level};
 use plan::exposure::moments::TracePoint;
 use pulp::{Arch, NullaryFnOnce};
 
@@ -46,7 +46,7 @@ impl GaussianPath {
 
 /// Fills `grid` (step `1 / s` px) with the Gaussian of `sigma_px` convolved with the path.
 pub(super) fn accumulate(path: &mut GaussianPath, grid: &mut Grid, sigma_px: f64, s: usize) {
-    let arch = Arch::new();
+    let arch = vector_level();
     let fused = !matches!(arch, Arch::Scalar);
     arch.dispatch(Accumulate { path, grid, sigma_px: sigma_px as f32, s, fused });
 }

@@ -9,7 +9,7 @@
 //! drawn. Tests in `stamp`, and the agreement tests of the backend.
 
 use crate::render::grid::{Grid, LANES, flush};
-use base::fused::mul_add;
+use base::{fused::mul_add, vector_level::vector_level};
 use plan::exposure::sampling::PRODUCTS_ERROR;
 use pulp::{Arch, NullaryFnOnce};
 
@@ -62,7 +62,7 @@ impl Products {
             return false;
         }
         self.reserve(grid, phases, most);
-        let arch = Arch::new();
+        let arch = vector_level();
         let fused = !matches!(arch, Arch::Scalar);
         let found = arch.dispatch(Eliminate { products: self, grid, most, fused });
         let Some(drawn) = found.map(drawn_terms).filter(|drawn| *drawn <= most.max(2)) else { return false };

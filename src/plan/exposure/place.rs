@@ -14,7 +14,8 @@ use crate::exposure::source::{PlannedStar, Source, SourcePlace};
 use crate::exposure::track::{StarPlace, StarTrack};
 use crate::{attitude::LosPath, optics::Illumination};
 use glam::{DVec2, DVec3};
-use pulp::{Arch, NullaryFnOnce};
+use base::vector_level::vector_level;
+use pulp::NullaryFnOnce;
 use rayon::prelude::*;
 use sky::astrometry::CameraGeometry;
 
@@ -64,7 +65,7 @@ pub(super) fn place_stars(
     margins: Margins,
     (stars, seen): (&mut Vec<PlannedStar>, &mut Vec<usize>),
 ) -> Brightness {
-    let (blocks, arch) = (BlockPlacer::new(lit.camera, los, means), Arch::new());
+    let (blocks, arch) = (BlockPlacer::new(lit.camera, los, means), vector_level());
     // Sources with pixel places are few, and are not mixed with others.
     let is_icrf = |source: &Source| matches!(source.place, SourcePlace::Icrf(_));
     let place_part = |((stars, seen), sources): ((&mut [PlannedStar], &mut usize), &[Source])| {

@@ -11,7 +11,8 @@
 //! below, `tests/physics/bounds.rs`.
 
 use crate::{exposure::moments::TracePoint, optics::gaussian};
-use pulp::{Arch, NullaryFnOnce};
+use base::vector_level::vector_level;
+use pulp::NullaryFnOnce;
 
 /// Safety factor for stars between the probes and phases between those compared.
 const SAFETY: f64 = 1.4;
@@ -106,7 +107,7 @@ impl ShapeChange {
     }
 
     fn draw(&mut self, trace: &[TracePoint], image: usize) {
-        Arch::new().dispatch(Draw { change: self, trace, image });
+        vector_level().dispatch(Draw { change: self, trace, image });
     }
 
     /// Returns the largest distance of the centroids in the windows about the brightest pixels, over all phases.

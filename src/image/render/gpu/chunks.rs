@@ -7,6 +7,7 @@ use crate::render::gpu::stars::{BoxPx, NO_TRACK, Source, SpotRecord, TrackRecord
 use crate::{gpu::GpuError, gpu::buffers::GrowableBuffer, gpu::device::GpuDevice, render::gpu::scale::TileBounds};
 use core::ops::Range;
 use plan::exposure::{Drawing, ExposurePlan, PlannedStar};
+use base::vector_level::vector_level;
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
@@ -112,7 +113,7 @@ impl Chunk {
 impl Chunks {
     /// Returns no stars, for an image of this size.
     pub(super) fn new(size: [usize; 2]) -> Self {
-        Self { arch: Arch::new(), size, chunks: Vec::new(), used: 0, bounds: TileBounds::new(size) }
+        Self { arch: vector_level(), size, chunks: Vec::new(), used: 0, bounds: TileBounds::new(size) }
     }
 
     /// Takes the stars of a plan that touch the image. `source`: the image of the stars of a list; `peak`: the largest
