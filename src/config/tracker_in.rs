@@ -167,7 +167,10 @@ impl TrackerInKeys {
                 let (node, pdos) = (self.node_id().check(check)?, self.pdo_map().check(check)?);
                 TrackerProtocol::CanOpen { node, heartbeat_ms, starts_operational, pdos }
             }
-            other => {
+            other @ (TrackerProtocol::Json
+            | TrackerProtocol::Nos3
+            | TrackerProtocol::Sagitta
+            | TrackerProtocol::Ccsds { .. }) => {
                 self.refuse(&["node_id", "pdo_map"], "protocol = \"canopen\"", check)?;
                 other
             }

@@ -88,7 +88,7 @@ pub fn find_axes(cases: &[JudgedCase], limit: &FalseLimit, confidence: f64) -> R
     let spread = |axis: usize| robust_sigma(&fit.agreeing, axis) / ARCSEC;
     let off = |axes: &Axes| attitude_error(fit.turn, axes.quat());
     let maps = Axes::maps().min_by(|(_, one), (_, other)| off(one).length().total_cmp(&off(other).length()));
-    let (map, axes) = maps.map_or_else(|| (String::new(), Axes::of(DQuat::IDENTITY)), |found| found);
+    let (map, axes) = maps.unwrap_or_else(|| (String::new(), Axes::of(DQuat::IDENTITY)));
     Ok(FoundAxes {
         axes: Axes::of(fit.turn),
         solutions: turns.len(),

@@ -5,9 +5,9 @@
 
 use crate::render::gpu::stars::{BoxPx, NO_TRACK, Source, SpotRecord, TrackRecord, record};
 use crate::{gpu::GpuError, gpu::buffers::GrowableBuffer, gpu::device::GpuDevice, render::gpu::scale::TileBounds};
+use base::vector_level::vector_level;
 use core::ops::Range;
 use plan::exposure::{Drawing, ExposurePlan, PlannedStar};
-use base::vector_level::vector_level;
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
