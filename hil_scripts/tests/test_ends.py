@@ -14,7 +14,7 @@ import time
 import unittest
 from pathlib import Path
 
-from support import BINARY, CAMERA, PATIENCE_S, ROOT, InAFolder, Running, bench_text, starloop, summary_of, until
+from support import BINARY, CAMERA, PATIENCE_S, ROOT, InAFolder, Running, bench_text, ran, starloop, summary_of, until
 
 LOST = 5
 RECORDER = '[sink]\nkind = "recorder"\nfits = true\n'
@@ -102,12 +102,20 @@ class Signals(Case):
         program = self.start("bus", "--slcan-pty", str(line), stdout=writable)
         until("the link", lambda: program.process.poll() is not None or line.is_symlink())
         program.process.send_signal(signal.SIGTERM)
-        time.sleep(0.3)
-        self.assertIsNone(program.process.poll(), "control: the first signal waits for the end of the command")
+        time.sleep(0.01)
+        # As timeout does, which sends to the program and to its group.
+        program.process.send_signal(signal.SIGTERM)
+        time.sleep(0.6)
+        self.assertIsNone(program.process.poll(), "control: the first signal, sent twice, waits for the end of the command")
         program.stop(signal.SIGTERM)
         self.assertEqual(program.process.returncode, 143)
         os.close(readable)
         os.close(writable)
+
+    def test_below_timeout_a_run_has_its_summary(self):
+        done = ran("timeout", "2", BINARY, *self.run_words("--duration", "600"), cwd=self.folder)
+        self.assertEqual(done.returncode, 124, done.stderr)
+        self.assertEqual(self.summary()["verdict"], "INCOMPLETE", done.stderr)
 
     def test_early_signals_are_never_lost(self):
         dice = random.Random(7)

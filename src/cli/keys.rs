@@ -2,17 +2,20 @@
 
 use anyhow::Result;
 use clap::Args;
+use anyhow::bail;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use config::{FileKind, key_reference, key_schema, key_template};
+use config::{FileKind, key_reference, key_schema, key_search, key_template};
 
-// `starloop keys`: every key of every configuration file, as Markdown.
+// `starloop keys`: every key of every configuration file, or those with some words, as Markdown.
 
 /// Command line of `keys`.
 #[derive(Debug, Args)]
+#[command(after_help = "Such as: starloop keys camera, starloop keys exposure, starloop keys bench limiting magnitude")]
 pub struct KeysArgs {
-    /// Kind of file; without one: all
-    #[arg(value_parser = kinds())]
-    kind: Option<FileKind>,
+    /// Kind of file (bench, scenario, camera, link, spacecraft, plan, requirements, dataset), and words that a key, its
+    /// table or its meaning has; without any: all keys
+    #[arg(value_name = "WORD")]
+    words: Vec<String>,
 }
 
 /// Reads the word of a kind of file.
@@ -24,10 +27,21 @@ pub(crate) fn kinds() -> impl TypedValueParser<Value = FileKind> {
 /// Runs the command.
 ///
 /// # Errors
-/// Never.
+/// When no key has the words.
 pub fn run(arguments: &KeysArgs) -> Result<()> {
-    let kinds = arguments.kind.map_or(FileKind::ALL.to_vec(), |kind| vec![kind]);
-    print!("{}", key_reference(&kinds));
+    let named = |word: &String| FileKind::ALL.into_iter().find(|kind| kind.name() == word);
+    let kind = arguments.words.first().and_then(named);
+    let kinds = kind.map_or(FileKind::ALL.to_vec(), |kind| vec![kind]);
+    let words = &arguments.words[usize::from(kind.is_some())..];
+    if words.is_empty() {
+        print!("{}", key_reference(&kinds));
+        return Ok(());
+    }
+    let found = key_search(&kinds, words);
+    if found.is_empty() {
+        bail!("no key has \"{}\" in its name, its table or its meaning; fewer words find more", words.join(" "));
+    }
+    print!("{found}");
     Ok(())
 }
 

@@ -1,4 +1,5 @@
-//! SIGINT, SIGTERM and SIGHUP: the first one ends a command in order, the second one at once.
+//! SIGINT, SIGTERM and SIGHUP: the first one ends a command in order, the second one at once. What follows within
+//! [`TWICE`] is the same signal: `timeout` sends it to the program and to its group.
 //!
 //! [`catch`] is the first thing that the program does. A command that ends in order (it writes a summary, removes its
 //! ring and its links) calls [`stop`] and looks at the flag; any other command ends with the first signal, after the
@@ -17,6 +18,8 @@ use std::time::Duration;
 const EXIT_BY_SIGNAL: i32 = 128;
 /// A command that waits for something else looks for a signal this often.
 const LOOK: Duration = Duration::from_millis(50);
+/// A signal that comes again so soon is not a second one.
+const TWICE: Duration = Duration::from_millis(200);
 
 /// Flags that the handlers set.
 struct Caught {
@@ -43,9 +46,7 @@ pub(super) fn catch() -> Result<()> {
     let is_second = Arc::new(AtomicBool::new(false));
     let signals: Vec<i32> = [SIGINT, SIGTERM, SIGHUP].into_iter().filter(|signal| is_to_be_caught(*signal)).collect();
     for signal in signals.iter().copied() {
-        // In this order: the first signal passes the condition and then sets it.
         flag::register_conditional_shutdown(signal, EXIT_BY_SIGNAL + signal, Arc::clone(&is_second))
-            .and_then(|_| flag::register(signal, Arc::clone(&is_second)))
             .and_then(|_| flag::register_usize(signal, Arc::clone(&caught.newest), signal.unsigned_abs() as usize))
             .and_then(|_| flag::register(signal, Arc::clone(&caught.stop)))
             .with_context(|| format!("cannot catch {}", name(signal)))?;
@@ -56,6 +57,8 @@ pub(super) fn catch() -> Result<()> {
             if !caught.ends_in_order.load(Ordering::SeqCst) {
                 end_now(signal);
             }
+            std::thread::sleep(TWICE);
+            is_second.store(true, Ordering::SeqCst);
         }
     };
     std::thread::Builder::new().name("signals".into()).spawn(end).context("cannot start the signal thread")?;

@@ -50,6 +50,22 @@ fn the_guide_has_the_page_that_the_program_prints() {
 }
 
 #[test]
+fn words_find_the_keys_that_have_them() {
+    let found = |words: &str| {
+        let words: Vec<String> = words.split(' ').map(str::to_owned).collect();
+        key_search(&FileKind::ALL, &words)
+    };
+    let exposure = found("Exposure");
+    assert!(exposure.contains("## Camera files\n") && exposure.contains("### `[exposure]`\n"), "{exposure}");
+    assert!(exposure.contains("| `exposure_s` |") && !exposure.contains("| `pixel_pitch_um` |"));
+    let limit = found("limiting magnitude");
+    assert!(limit.contains("| `limiting_mag` |") && limit.lines().count() < exposure.lines().count(), "{limit}");
+    assert_eq!(found("no_such_key"), "");
+    let heads = exposure.lines().filter(|line| line.starts_with("## ")).count();
+    assert!(heads <= FileKind::ALL.len(), "each heading once: {heads}");
+}
+
+#[test]
 fn every_declared_key_is_read_where_it_is_declared() {
     let mut seen = 0;
     for kind in FileKind::ALL {

@@ -92,7 +92,7 @@ pub use plan_key_check::check_keys;
 pub use plant::{Begins, FilePlant, Plant, TrackerCommands, Vehicle};
 pub use psf::Psf;
 pub use radiometry::{Exposure, Radiometry, RadiometryModel};
-pub use reference::{key_reference, key_schema, key_template};
+pub use reference::{key_reference, key_schema, key_search, key_template};
 pub use scenario::{OutsideTrackers, Scenario, is_scenario};
 pub use setting::Setting;
 pub use sink::{Sink, SinkMemory, SinkSettings};

@@ -25,6 +25,35 @@ pub fn key_reference(kinds: &[FileKind]) -> String {
     page
 }
 
+/// Returns the rows of [`key_reference`] that have all `words` in the name of the table or in the row, below their
+/// headings; nothing where no row has them. Capital letters count as small ones.
+pub fn key_search(kinds: &[FileKind], words: &[String]) -> String {
+    let words: Vec<String> = words.iter().map(|word| word.to_lowercase()).collect();
+    let page = key_reference(kinds);
+    let (mut found, mut kind, mut table, mut said) = (String::new(), "", "", ["", ""]);
+    for line in page.lines() {
+        if line.starts_with("## ") {
+            (kind, table) = (line, "");
+        } else if line.starts_with("### ") {
+            table = line;
+        } else if line.starts_with("| `") {
+            let text = format!("{table} {line}").to_lowercase();
+            if !words.iter().all(|word| text.contains(word)) {
+                continue;
+            }
+            for (heading, said) in [kind, table].into_iter().zip(&mut said) {
+                if *said != heading {
+                    *said = heading;
+                    let blank = if found.is_empty() { "" } else { "\n" };
+                    found.push_str(&format!("{blank}{heading}\n"));
+                }
+            }
+            found.push_str(&format!("{line}\n"));
+        }
+    }
+    found
+}
+
 const HEAD: &str = "# Configuration keys
 
 `starloop keys` prints this page from the declarations that files are checked by; `starloop schema` prints them as JSON

@@ -43,7 +43,7 @@ pub struct CatalogArgs {
 enum Action {
     /// Pack a CSV of stars into one file, to look at; `import` makes the layers that are drawn
     Pack(PackArgs),
-    /// Import a published catalog into layers on disk: stars of any number, in bounded memory
+    /// Import a catalog, published or your own, into layers on disk: stars of any number, in bounded memory
     Import(ImportArgs),
     /// Make layers of stars that are not real, in the numbers of the real sky: for benches and deep scenes
     Synthesize(SynthesizeArgs),

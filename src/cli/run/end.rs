@@ -145,7 +145,7 @@ impl Finished {
         }
         if let Some(error) = self.end.error {
             let why = "the run ended early; everything finished before is kept";
-            return Err(error).with_context(|| format!("{why}; seed {seed} repeats it"));
+            return Err(error).context(why);
         }
         if self.was_interrupted {
             eprintln!("starloop: stopped by {}; everything finished before is kept", signals::cause());

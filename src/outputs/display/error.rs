@@ -16,7 +16,7 @@ pub enum DisplayError {
     /// Frames and monitor differ in size; nothing is ever scaled.
     #[error(
         "frames of {image} px for {place} of {area} px: wanted the same size, as nothing is scaled; change the camera's \
-         resolution or the monitor's mode, or ask for window = [{image_w}, {image_h}]",
+         resolution or the monitor's mode, or a window (window = [{image_w}, {image_h}], --window)",
         image = of(*image_px), area = of(*area_px), image_w = image_px[0], image_h = image_px[1]
     )]
     Size {
