@@ -1,8 +1,8 @@
 //! `starloop keys`, `schema` and `init`: every key of the configuration files, as Markdown, JSON Schema or a template.
 
 use anyhow::Result;
-use clap::Args;
 use anyhow::bail;
+use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use config::{FileKind, key_reference, key_schema, key_search, key_template};
 
