@@ -41,7 +41,7 @@ def pointer(array):
 
 
 def image_of(scene):
-    """An image with room for a whole vector at its right edge."""
+    """An image with a whole vector more at its right edge."""
     if 2 * reach_px(scene) + 1 > LANES - 1:
         raise Cannot(f"a star is wider than {LANES - 1} px")
     return np.zeros((scene.size_px, scene.size_px + LANES), np.float32)
