@@ -68,6 +68,7 @@ impl Regions {
     }
 
     /// Returns true when the whole image is read out.
+    #[inline]
     pub fn is_whole(&self) -> bool {
         self.count == 0
     }

@@ -25,6 +25,8 @@ const CHUNKS_RESERVED: usize = 4;
 /// path with jitter.
 const LISTS_RESERVED: usize = 64;
 const NODES_RESERVED: usize = 1024;
+/// Number of lists whose places are allocated from the start.
+const PLACES_RESERVED: usize = 4096;
 /// Capacity of a chunk for whole stars.
 const WHOLE_RESERVED: usize = 64;
 /// Capacity of a band of a chunk, as a multiple of its share of the stars.
@@ -67,6 +69,17 @@ struct Chunk {
     whole: Vec<PlannedStar>,
 }
 
+/// Where the stars of one list go.
+#[derive(Debug, Clone, Copy)]
+struct ListPlace {
+    /// Half-height of its footprint, px.
+    half_px: i64,
+    /// Its kernel or PSF.
+    table: u32,
+    /// Each is drawn once, by this list alone.
+    is_spot: bool,
+}
+
 /// Nodes of one list, number by number: weight, then the thirteen of the pose; padded with weight 0.
 #[derive(Debug, Default)]
 pub(super) struct NodeColumns {
@@ -83,6 +96,7 @@ pub(super) struct Bands {
     chunks: Vec<Chunk>,
     used: usize,
     pub(super) nodes: Vec<NodeColumns>,
+    places: Vec<ListPlace>,
 }
 
 /// Splats that inner loops take together.
@@ -95,7 +109,7 @@ impl Bands {
         let columns =
             || NodeColumns { values: Vec::with_capacity((POSE + 1) * NODES_RESERVED), ..NodeColumns::default() };
         let nodes = core::iter::repeat_with(columns).take(LISTS_RESERVED).collect();
-        Self { rows, bands, chunks, used: 0, nodes }
+        Self { rows, bands, chunks, used: 0, nodes, places: Vec::with_capacity(PLACES_RESERVED) }
     }
 
     /// Sorts a plan; paths that do not reach `regions` are left out. `half_px`: half-height of the footprint of a list;
@@ -104,10 +118,16 @@ impl Bands {
         &mut self,
         plan: &ExposurePlan,
         regions: &Regions,
-        half_px: impl Fn(usize) -> usize + Sync,
-        table_of: impl Fn(usize) -> u32 + Sync,
+        half_px: impl Fn(usize) -> usize,
+        table_of: impl Fn(usize) -> u32,
     ) {
         self.fill_nodes(plan);
+        self.places.clear();
+        self.places.extend(plan.lists.iter().enumerate().map(|(number, list)| ListPlace {
+            half_px: half_px(number).cast_signed() as i64,
+            table: table_of(number),
+            is_spot: matches!(list.drawing, Drawing::Once | Drawing::Kernel(_)),
+        }));
         let parts = rayon::current_num_threads().min(CHUNKS_RESERVED);
         let length = plan.stars.len().div_ceil(parts).clamp(LEAST_CHUNK, CHUNK);
         self.used = plan.stars.len().div_ceil(length);
@@ -115,14 +135,14 @@ impl Bands {
         if self.chunks.len() < self.used {
             self.chunks.resize_with(self.used, || chunk(bands));
         }
-        let (rows, arch) = (self.rows, vector_level());
+        let (rows, places, arch) = (self.rows, self.places.as_slice(), vector_level());
         let fill = |(chunk, stars): (&mut Chunk, &[PlannedStar])| {
             chunk.whole.clear();
             for members in &mut chunk.bands {
                 members.spots.clear();
                 members.trails.clear();
             }
-            arch.dispatch(SortStars { plan, regions, stars, half_px: &half_px, table_of: &table_of, rows, chunk });
+            arch.dispatch(SortStars { plan, regions, stars, places, rows, chunk });
             for members in &mut chunk.bands {
                 reserve(&mut members.spots);
                 reserve(&mut members.trails);
@@ -208,25 +228,28 @@ fn spot(px: [f64; 2], electrons: f64, kernel: u32) -> Spot {
 }
 
 /// One chunk's stars, in the shape `pulp` compiles once per vector level.
-struct SortStars<'a, H, T> {
+struct SortStars<'a> {
     plan: &'a ExposurePlan,
     regions: &'a Regions,
     stars: &'a [PlannedStar],
-    half_px: &'a H,
-    table_of: &'a T,
+    places: &'a [ListPlace],
     rows: usize,
     chunk: &'a mut Chunk,
 }
 
-impl<H: Fn(usize) -> usize, T: Fn(usize) -> u32> NullaryFnOnce for SortStars<'_, H, T> {
+impl NullaryFnOnce for SortStars<'_> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
-        let Self { plan, regions, stars, half_px, table_of, rows, chunk } = self;
+        let Self { plan, regions, stars, places, rows, chunk } = self;
         for star in stars {
+            if let Some(ListPlace { half_px, table, is_spot: true }) = places.get(star.list as usize) {
+                push_spot(&mut chunk.bands, spot(star.mean_px, star.drawn_e, *table), *half_px, rows);
+                continue;
+            }
             for (list, share) in plan.parts(star) {
-                let half = half_px(list).cast_signed() as i64;
-                let (electrons, table) = (share * star.drawn_e, table_of(list));
+                let ListPlace { half_px: half, table, .. } = places[list];
+                let electrons = share * star.drawn_e;
                 match plan.lists[list].drawing {
                     Drawing::Nodes => {
                         sort_trail((plan, regions), star, (list, electrons, table), half, rows, &mut chunk.bands);
@@ -238,13 +261,18 @@ impl<H: Fn(usize) -> usize, T: Fn(usize) -> u32> NullaryFnOnce for SortStars<'_,
                     }
                     Drawing::Once | Drawing::Kernel(_) | Drawing::Blend(_) => {}
                 }
-                let spot = spot(star.mean_px, electrons, table);
-                let row = i64::from(spot.row);
-                for band in bands_of(row - half, row + half, rows) {
-                    chunk.bands[band].spots.push(spot);
-                }
+                push_spot(&mut chunk.bands, spot(star.mean_px, electrons, table), half, rows);
             }
         }
+    }
+}
+
+/// Adds a star that is drawn once to the bands that its footprint reaches.
+#[inline(always)]
+fn push_spot(bands: &mut [Members], spot: Spot, half_px: i64, rows: usize) {
+    let row = i64::from(spot.row);
+    for members in &mut bands[bands_of(row - half_px, row + half_px, rows)] {
+        members.spots.push(spot);
     }
 }
 

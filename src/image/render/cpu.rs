@@ -141,8 +141,16 @@ impl DrawBand<'_> {
         target.pixels.fill(0.0);
         let mut waiting = Waiting { analytic: Splats::NONE, tabled: Splats::NONE };
         for members in draw.bands.members(index) {
-            for spot in &members.spots {
-                draw.spot::<FUSED>(&mut target, &mut waiting, spot);
+            if draw.has_tables() {
+                for spot in &members.spots {
+                    draw.spot::<FUSED>(&mut target, &mut waiting, spot);
+                }
+            } else {
+                for spots in members.spots.chunks(BLOCK) {
+                    waiting.analytic.take(spots);
+                    draw.splat::<FUSED>(&mut target, &waiting.analytic);
+                }
+                waiting.analytic.count = 0;
             }
         }
         draw.rest::<FUSED>(&mut target, &mut waiting);
@@ -185,6 +193,18 @@ impl Splats {
         kernel: [NO_KERNEL; BLOCK],
     };
 
+    /// Replaces the splats by at most a block of others, which need no kernel.
+    #[inline(always)]
+    fn take(&mut self, spots: &[Spot]) {
+        for (k, spot) in spots.iter().enumerate().take(BLOCK) {
+            self.column[k] = spot.column;
+            self.row[k] = spot.row;
+            [self.x[k], self.y[k]] = spot.fraction;
+            self.electrons[k] = spot.electrons;
+        }
+        self.count = spots.len().min(BLOCK);
+    }
+
     #[inline(always)]
     fn push(&mut self, spot: &Spot) {
         let k = self.count;
@@ -204,9 +224,17 @@ impl Draw<'_> {
         self.kernels.get(number as usize).or_else(|| self.bases.get((NO_KERNEL - number) as usize))
     }
 
+    /// Returns true when any star may be drawn from a kernel or a table.
+    fn has_tables(&self) -> bool {
+        !self.kernels.is_empty() || !self.bases.is_empty()
+    }
+
     /// Returns true when a star that reaches so far to all sides has a pixel in the regions.
     #[inline(always)]
     fn shows(&self, [column, row]: [i32; 2], half_px: [i64; 2]) -> bool {
+        if self.regions.is_whole() {
+            return true;
+        }
         let [left, top] = [i64::from(column) - half_px[0], i64::from(row) - half_px[1]];
         self.regions.show(left, top, half_px.map(|half| 2 * half + 1))
     }

@@ -32,6 +32,14 @@ enum Give {
 }
 
 impl Give {
+    /// Returns the list that all stars get; `None` where their places decide.
+    fn only_list(&self) -> Option<u32> {
+        match self {
+            Self::Band { first, bands: 1, field: None, .. } => Some(list_number(*first)),
+            Self::Band { .. } | Self::Cell { .. } => None,
+        }
+    }
+
     #[inline]
     fn list(&self, star: &PlannedStar, camera: &CameraGeometry, used: &[u32]) -> u32 {
         match self {
@@ -106,9 +114,12 @@ pub fn give(plan: &mut ExposurePlan, share: &Share, buffers: &Buffers) {
     let whole_from_e = &whole.from_e;
     let (Some((last, brighter)), extent_px) = (gives.split_last(), *extent_px) else { return };
     let clear = share.clear_of_edges(extent_px);
+    let only = last.only_list().filter(|_| brighter.is_empty());
     for_each_star(stars, |star| {
-        let class = brighter.iter().zip(&*classes).find(|(_, class)| star.electrons >= class.faintest_e);
-        star.list = class.map_or(last, |(give, _)| give).list(star, camera, used);
+        star.list = only.unwrap_or_else(|| {
+            let class = brighter.iter().zip(&*classes).find(|(_, class)| star.electrons >= class.faintest_e);
+            class.map_or(last, |(give, _)| give).list(star, camera, used)
+        });
         let light = clear.as_ref().and_then(|clear| clear.light_at(star.mean_px)).unwrap_or_else(|| {
             let nodes = lists.get(star.list as usize).map_or(&nodes[..0], |list| &nodes[list.nodes.clone()]);
             share.on_detector(star, camera, nodes, extent_px)
