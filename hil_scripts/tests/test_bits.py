@@ -35,8 +35,9 @@ class Bits(unittest.TestCase):
             environment = {**os.environ, "STARLOOP_VECTOR_LEVEL": level}
             with tempfile.TemporaryDirectory() as name:
                 out = Path(name) / "image.fits"
-                words = ["render", "--ra", "83.8", "--dec", "-1.2", "--backend", "cpu", "--stage", "electrons"]
-                done = ran(BINARY, *words, "--timing", "--out", out, env=environment, status=0)
+                field = ["--camera", "cameras/star_tracker_20deg.toml", "--ra", "83.8", "--dec", "-1.2"]
+                words = ["render", *field, "--backend", "cpu", "--stage", "electrons", "--timing", "--out", out]
+                done = ran(BINARY, *words, env=environment, status=0)
                 return out.read_bytes(), done.stdout, done.stderr
 
         usual, said, _ = drawn("V4")
