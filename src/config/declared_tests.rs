@@ -3,11 +3,12 @@
 use crate::declared::{Declared, Key, Presence};
 use crate::reference::{declared, sample};
 use crate::test_plan_keys::{PlanKeys, RequirementKeys};
-use crate::{Camera, Document, FileKind, Scenario, Spacecraft, check_keys, key_reference, key_schema, key_template};
+use crate::{Camera, Document, FileKind, Scenario, Spacecraft, check_keys};
 use crate::{
     bench::BenchKeys, camera::CameraKeys, key_type::Shape, link::LinkTable, scenario::ScenarioKeys,
     spacecraft::SpacecraftKeys, test_plan_keys::DataSetKeys,
 };
+use crate::{key_reference, key_schema, key_search, key_template};
 use std::path::Path;
 
 /// Reads a text as the tables of a kind, without checking it.
