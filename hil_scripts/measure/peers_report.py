@@ -39,32 +39,31 @@ def cell(row, notes):
     return f"{row.ms:.3g} ms, {row.l1:.0e}"
 
 
-def behind(rows):
-    """Scenes in which a peer is faster than starloop at an error that is equal or smaller."""
-    found = []
+def contests(rows):
+    """Each scene with starloop at each vector level: scene, level, starloop's row or None, and the peers that are faster."""
     for name in scenes(rows):
         of_scene = peer_times(rows, name)
         peers = [row for row in of_scene.values() if not row.program.startswith(OURS)]
         for level in levels(rows):
             ours = of_scene.get(level)
-            better = [row.program for row in peers if ours and row.ms < ours.ms and row.l1 <= ours.l1]
-            if not ours or better:
-                against = f" than {level}" if level != OURS else ""
-                found.append(f"{name} ({', '.join(better)}{against})" if better else f"{name} ({level} did not draw it)")
+            yield name, level, ours, [row for row in peers if ours and row.ms < ours.ms]
+
+
+def behind(rows):
+    """Scenes in which a peer is faster than starloop at an error that is equal or smaller."""
+    found = []
+    for name, level, ours, quicker in contests(rows):
+        better = [row.program for row in quicker if row.l1 <= ours.l1]
+        if not ours or better:
+            against = f" than {level}" if level != OURS else ""
+            found.append(f"{name} ({', '.join(better)}{against})" if better else f"{name} ({level} did not draw it)")
     return found
 
 
 def faster(rows):
     """Scenes in which a peer is faster than starloop, at any error."""
-    found = []
-    for name in scenes(rows):
-        of_scene = peer_times(rows, name)
-        peers = [row for row in of_scene.values() if not row.program.startswith(OURS)]
-        for level in levels(rows):
-            ours = of_scene.get(level)
-            found += [f"{name}: {row.program}, {ours.ms / row.ms:.2g} times as fast at L1 {row.l1:.0e}, {level} at {ours.l1:.0e}"
-                      for row in peers if ours and row.ms < ours.ms]  # fmt: skip
-    return found
+    return [f"{name}: {row.program}, {ours.ms / row.ms:.2g} times as fast at L1 {row.l1:.0e}, {level} at {ours.l1:.0e}"
+            for name, level, ours, quicker in contests(rows) for row in quicker]  # fmt: skip
 
 
 def ratios(rows):

@@ -330,6 +330,14 @@ class PlantOutside(InAFolder):
             self.assertGreater(off_by(got["q_wxyz"], about_y(rate * (t_s + 0.01))), 1e-10, "control: 10 ms later")
 
 
+def canopen_network(stack, port):
+    """The CAN bus behind a pseudo terminal, until `stack` ends."""
+    network = canopen.Network()
+    stack.callback(network.disconnect)
+    network.connect(interface="slcan", channel=str(port), bitrate=500000, sleep_after_open=0.1)
+    return network
+
+
 class Clients(InAFolder):
     """Each protocol on the real clock with a client that is not ours."""
 
@@ -435,9 +443,7 @@ class Clients(InAFolder):
         with contextlib.ExitStack() as stack:
             run = stack.enter_context(Run(self.folder, [out], duration_s=40, more=SLEW.replace("start_s = 1.0", "start_s = 6.0")))
             run.line("tracker_out[0]: canopen on slcan ")
-            network = canopen.Network()
-            stack.callback(network.disconnect)
-            network.connect(interface="slcan", channel=str(port), bitrate=500000, sleep_after_open=0.1)
+            network = canopen_network(stack, port)
             node = network.add_node(96, str(EDS))
             node.nmt.wait_for_heartbeat(PATIENCE_S)
             self.assertEqual(node.nmt.state, "PRE-OPERATIONAL")
@@ -484,9 +490,7 @@ class Clients(InAFolder):
         with contextlib.ExitStack() as stack:
             run = stack.enter_context(Run(self.folder, [out], duration_s=25, more=SLEW.replace("start_s = 1.0", "start_s = 6.0")))
             run.line("tracker_out[0]: canopen on slcan ")
-            network = canopen.Network()
-            stack.callback(network.disconnect)
-            network.connect(interface="slcan", channel=str(port), bitrate=500000, sleep_after_open=0.1)
+            network = canopen_network(stack, port)
             node = network.add_node(44, str(until("the EDS file", lambda: next(run.out.glob("*_oresat.eds"), None))))
             node.sdo.RESPONSE_TIMEOUT = 5.0
             node.tpdo.read()
