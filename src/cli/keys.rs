@@ -1,7 +1,6 @@
 //! `starloop keys`, `schema` and `init`: every key of the configuration files, as Markdown, JSON Schema or a template.
 
-use anyhow::Result;
-use anyhow::bail;
+use anyhow::{Result, bail};
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use config::{FileKind, key_reference, key_schema, key_search, key_template};
@@ -20,8 +19,12 @@ pub struct KeysArgs {
 
 /// Reads the word of a kind of file.
 pub(crate) fn kinds() -> impl TypedValueParser<Value = FileKind> {
-    let named = |word: String| FileKind::ALL.into_iter().find(|kind| kind.name() == word).ok_or("no kind of file");
+    let named = |word: String| kind_named(&word).ok_or("no kind of file");
     PossibleValuesParser::new(FileKind::ALL.map(FileKind::name)).try_map(named)
+}
+
+fn kind_named(word: &str) -> Option<FileKind> {
+    FileKind::ALL.into_iter().find(|kind| kind.name() == word)
 }
 
 /// Runs the command.
@@ -29,8 +32,7 @@ pub(crate) fn kinds() -> impl TypedValueParser<Value = FileKind> {
 /// # Errors
 /// When no key has the words.
 pub fn run(arguments: &KeysArgs) -> Result<()> {
-    let named = |word: &String| FileKind::ALL.into_iter().find(|kind| kind.name() == word);
-    let kind = arguments.words.first().and_then(named);
+    let kind = arguments.words.first().and_then(|word| kind_named(word));
     let kinds = kind.map_or(FileKind::ALL.to_vec(), |kind| vec![kind]);
     let words = &arguments.words[usize::from(kind.is_some())..];
     if words.is_empty() {
