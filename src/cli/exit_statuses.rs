@@ -47,8 +47,8 @@ pub const EXIT_STATUSES: &[ExitStatus] = &[
     },
     ExitStatus {
         numbers: &[EXIT_INTERRUPTED, 143, 129],
-        meaning: "stopped by Ctrl-C (SIGINT), SIGTERM, SIGHUP; what was finished is written, a second signal, 0.2 s later \
-                  or more, ends the program at once",
+        meaning: "stopped by Ctrl-C (SIGINT), SIGTERM, SIGHUP; what was finished is written; a second signal after 0.2 s \
+                  ends the program at once",
         commands: &[],
     },
     ExitStatus { numbers: &[EXIT_BROKEN_PIPE], meaning: "the reader of its output closed (`| head`)", commands: &[] },

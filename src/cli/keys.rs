@@ -11,10 +11,13 @@ use config::{FileKind, key_reference, key_schema, key_search, key_template};
 #[derive(Debug, Args)]
 #[command(after_help = "Such as: starloop keys camera, starloop keys exposure, starloop keys bench limiting magnitude")]
 pub struct KeysArgs {
-    /// Kind of file (bench, scenario, camera, link, spacecraft, plan, requirements, dataset), and words that a key, its
-    /// table or its meaning has; without any: all keys
-    #[arg(value_name = "WORD")]
+    #[arg(value_name = "WORD", help = words_help())]
     words: Vec<String>,
+}
+
+fn words_help() -> String {
+    let kinds = FileKind::ALL.map(FileKind::name).join(", ");
+    format!("Kind of file ({kinds}), and words that a key, its table or its meaning has; without any: all keys")
 }
 
 /// Reads the word of a kind of file.

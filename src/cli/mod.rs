@@ -43,7 +43,6 @@ mod terminal;
 pub mod verify;
 pub mod version;
 
-use crate::cli::run::args::ClockKind;
 use anyhow::Context;
 use base::streams;
 use clap::{CommandFactory, Parser, Subcommand};
@@ -194,10 +193,10 @@ pub fn main() -> ExitCode {
         Ok(arguments) => arguments,
         Err(status) => return ExitCode::from(status),
     };
-    let status = match start_threads(&arguments.command)
-        .and_then(|()| signals::catch())
-        .and_then(|()| run_command(arguments.command))
-    {
+    // A run starts its own: on the real clock they have its priority and processors.
+    let is_run = matches!(arguments.command, Command::Run(_) | Command::Budget(_));
+    let threads = if is_run { Ok(()) } else { start_threads() };
+    let status = match threads.and_then(|()| signals::catch()).and_then(|()| run_command(arguments.command)) {
         Ok(status) => status,
         // Output that failed is reported below, with the stream.
         Err(error) if streams::output_has_failed() && error.root_cause().is::<std::io::Error>() => EXIT_DONE,
@@ -213,13 +212,8 @@ pub fn main() -> ExitCode {
 pub(crate) const NO_THREADS: &str =
     "the threads that draw do not start; give the program more memory (ulimit -v), or set RAYON_NUM_THREADS=1";
 
-/// Starts the threads that draw, while there is memory for them: later their absence would be a panic. A run on the real
-/// clock starts its own, with priority and processors.
-fn start_threads(command: &Command) -> anyhow::Result<()> {
-    let is_real = matches!(command, Command::Run(arguments) if arguments.clock == ClockKind::Real);
-    if is_real || matches!(command, Command::Budget(_)) {
-        return Ok(());
-    }
+/// Starts the threads that draw, while there is memory for them: later their absence would be a panic.
+pub(crate) fn start_threads() -> anyhow::Result<()> {
     rayon::ThreadPoolBuilder::new().num_threads(thread_count()).build_global().context(NO_THREADS)
 }
 

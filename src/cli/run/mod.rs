@@ -15,7 +15,7 @@ use crate::cli::run::files::{TelemetryFile, telemetry_file};
 use crate::cli::terminal::{Monitor, sender};
 use crate::cli::{
     NO_THREADS, budget_report, budget_report::budget_report, calibrate::costs_here, check::warning_line, named,
-    named::warn_of_wcs, provenance, run::finished::Finished, signals, thread_count,
+    named::warn_of_wcs, provenance, run::finished::Finished, signals, start_threads, thread_count,
 };
 use anyhow::{Context, Result, bail};
 use base::clock::{Clock, Monotonic, Stopwatch};
@@ -86,7 +86,12 @@ pub(crate) fn perform(arguments: &RunArgs) -> Result<Finished> {
     say_left_out(&scenario);
     // First, because the first drawing starts the drawing threads.
     let is_real = arguments.clock == ClockKind::Real;
-    let hygiene = is_real.then(|| prepared_hygiene(&scenario, say)).transpose()?;
+    let hygiene = if is_real {
+        Some(prepared_hygiene(&scenario, say)?)
+    } else {
+        start_threads()?;
+        None
+    };
     let sinks = arguments.sinks(&scenario.bench);
     // Before any folder is made: a run that does not fit leaves nothing behind.
     RunMemory::of(&scenario.bench, &sinks, RunForm { is_real, has_view: arguments.monitor.is_some() }).check()?;
