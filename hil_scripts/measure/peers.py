@@ -17,6 +17,10 @@ REACH_SIGMA = 5.5
 """Stars end so many standard deviations from their centre: 4e-8 of the light is beyond."""
 
 
+#: Words before the time of a drawing that is left out.
+TOO_SLOW = "would take about "
+
+
 class Cannot(Exception):
     """The reason why a peer does not draw a scene."""
 

@@ -10,7 +10,7 @@ import time
 
 import numpy as np
 from page import PROGRAM, machine
-from peers import PEERS, Cannot, version
+from peers import PEERS, TOO_SLOW, Cannot, version
 from peers_loop import LOOPS
 
 PROGRAMS = [*PEERS, *LOOPS]
@@ -274,7 +274,7 @@ class Contest:
     def of_peer(self, peer, scene):
         predicted_s = self.slowness.get(peer.name, 0.0) * scene.work
         if predicted_s > self.limit_s:
-            raise Cannot(f"would take about {predicted_s:.0f} s")
+            raise Cannot(f"{TOO_SLOW}{predicted_s:.0f} s")
         work = peer.prepare(scene)
         noise = peer.noise(scene) if scene.noise else None
         image, ms = median_ms(work, self.limit_s / 4.0)

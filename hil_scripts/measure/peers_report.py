@@ -3,6 +3,7 @@
 import math
 
 from page import Axis, Chart, table
+from peers import TOO_SLOW
 from peers_loop import LOOPS
 
 COLOURS = ["#d62728", "#7f7f7f", "#1f77b4", "#2ca02c", "#9467bd", "#ff7f0e", "#8c564b", "#17becf"]
@@ -31,12 +32,14 @@ def scenes(rows):
 
 
 def cell(row, notes):
-    """Time and error, or a number of a note with the reason."""
+    """Time and error; in brackets the time that it would take, or a number of a note with the reason."""
     if row.ms is None:
+        if row.reason.startswith(TOO_SLOW):
+            return f"({row.reason.removeprefix(TOO_SLOW)})"
         if row.reason not in notes:
             notes.append(row.reason)
         return f"({notes.index(row.reason) + 1})"
-    return f"{row.ms:.3g} ms, {row.l1:.0e}"
+    return f"{row.ms:.3g}, {row.l1:.0e}"
 
 
 def contests(rows):
@@ -81,12 +84,13 @@ def ratios(rows):
 
 
 def markdown(rows, facts):
-    """The tables, with notes on blank cells, and what they were measured with."""
-    notes, names = [], programs(rows)
+    """The tables, with notes on blank cells, and what they were measured with. Bounds and other vector levels are in the second one."""
+    notes, names = [], [name for name in programs(rows) if name == OURS or not name.startswith((OURS, *BOUNDS))]
     by = {(row.scene, row.program): row for row in rows}
     lines = [f"Machine: {facts['machine']}. Peers: {facts['peers']}.", f"Threads: {facts['threads']}.", ""]
     lines += table(["scene", *names], [[scene, *(cell(by[scene, name], notes) for name in names)] for scene in scenes(rows)])
-    lines += [""] + [f"({number}) {note}." for number, note in enumerate(notes, 1)]
+    lines += ["", "Median ms, L1. In brackets: too slow to be drawn; about what it would take."]
+    lines += [f"({number}) {note}." for number, note in enumerate(notes, 1)]
     lines += ["", f"Motion: {facts['motion']}."]
     at_equal = behind(rows)
     lines += ["", "A peer is faster at an equal or smaller error in: " + ("; ".join(at_equal) if at_equal else "none") + "."]
