@@ -9,6 +9,7 @@ use crate::exposure::{
     mean_field::Correction, method::Method, place::for_each_star, share::Share, source::PlannedStar,
 };
 use crate::{exposure::nodes, optics::PsfField};
+use base::drawn::Degradation;
 use sky::astrometry::CameraGeometry;
 use std::sync::Arc;
 
@@ -107,6 +108,17 @@ fn push_field(plan: &mut ExposurePlan, field: &PsfField, camera: &CameraGeometry
     }
 }
 
+/// Returns whether stars that do not move have what [`give`] gives them since they were placed: the first list, which is
+/// the only one, and their electrons on the detector.
+pub fn are_given(plan: &ExposurePlan) -> bool {
+    let is_once = |list: &NodeList| list.drawing == Drawing::Once;
+    let is_only_once = plan.lists.len() == 1 && plan.lists.iter().all(is_once);
+    is_only_once
+        && plan.whole.from_e == f64::INFINITY
+        && plan.degradation == Degradation::Full
+        && plan.psf.as_field().is_none()
+}
+
 /// Assigns every star its list, and its electrons on the detector.
 pub fn give(plan: &mut ExposurePlan, share: &Share, buffers: &Buffers) {
     let Buffers { used, gives, .. } = buffers;
@@ -115,16 +127,19 @@ pub fn give(plan: &mut ExposurePlan, share: &Share, buffers: &Buffers) {
     let (Some((last, brighter)), extent_px) = (gives.split_last(), *extent_px) else { return };
     let clear = share.clear_of_edges(extent_px);
     let only = last.only_list().filter(|_| brighter.is_empty());
+    let list_of = |star: &PlannedStar| {
+        let class = brighter.iter().zip(&*classes).find(|(_, class)| star.electrons >= class.faintest_e);
+        class.map_or(last, |(give, _)| give).list(star, camera, used)
+    };
+    let light_near_edge = |star: &PlannedStar, list: u32| {
+        let nodes = lists.get(list as usize).map_or(&nodes[..0], |list| &nodes[list.nodes.clone()]);
+        share.on_detector(star, camera, nodes, extent_px)
+    };
     for_each_star(stars, |star| {
-        star.list = only.unwrap_or_else(|| {
-            let class = brighter.iter().zip(&*classes).find(|(_, class)| star.electrons >= class.faintest_e);
-            class.map_or(last, |(give, _)| give).list(star, camera, used)
-        });
-        let light = clear.as_ref().and_then(|clear| clear.light_at(star.mean_px)).unwrap_or_else(|| {
-            let nodes = lists.get(star.list as usize).map_or(&nodes[..0], |list| &nodes[list.nodes.clone()]);
-            share.on_detector(star, camera, nodes, extent_px)
-        });
-        star.electrons_on_detector = star.drawn_e * light;
+        let list = if let Some(only) = only { only } else { list_of(star) };
+        let clear = clear.as_ref().and_then(|clear| clear.light_at(star.mean_px));
+        let light = if let Some(light) = clear { light } else { light_near_edge(star, list) };
+        (star.list, star.electrons_on_detector) = (list, star.drawn_e * light);
         if star.electrons >= *whole_from_e {
             star.electrons_on_detector *= share.whole_gain(star);
         }

@@ -10,6 +10,7 @@
 
 use crate::exposure::mean_field::{Correction, MeanField};
 use crate::exposure::pose::{Pose, ROLL, SHIFT};
+use crate::exposure::share::Still;
 use crate::exposure::source::{PlannedStar, Source, SourcePlace};
 use crate::exposure::track::{StarPlace, StarTrack};
 use crate::{attitude::LosPath, optics::Illumination};
@@ -36,6 +37,15 @@ pub(super) struct Brightness {
 impl Brightness {
     const NONE: Self = Self { most_e: 0.0, least_e: f64::INFINITY, whole: 0 };
 
+    /// Takes a star into account, if it is seen.
+    #[inline(always)]
+    fn add(&mut self, is_seen: bool, electrons: f64, whole_from_e: f64) {
+        // Of two numbers, one instruction; `f64::max` also looks for NaN.
+        self.most_e = if is_seen & (electrons > self.most_e) { electrons } else { self.most_e };
+        self.least_e = if is_seen & (electrons < self.least_e) { electrons } else { self.least_e };
+        self.whole += usize::from(is_seen & (electrons >= whole_from_e));
+    }
+
     fn and(self, other: Self) -> Self {
         Self {
             most_e: self.most_e.max(other.most_e),
@@ -52,6 +62,8 @@ pub(super) struct Lit<'a> {
     pub(super) camera: &'a CameraGeometry,
     /// Relative illumination of the image plane.
     pub(super) illumination: &'a Illumination,
+    /// Shares of the light that lands on the detector, where stars do not move: else they depend on the path.
+    pub(super) still: Option<Still<'a>>,
 }
 
 /// Replaces `stars` by those of all sources whose light can reach the detector: mean place within its margin of it. A
@@ -77,7 +89,7 @@ pub(super) fn place_stars(
         }
         let single = if in_blocks.is_some() { rest } else { sources };
         for star in single.iter().filter_map(|source| place_one(source, lit, los, means, margins)) {
-            placed.push(star.electrons, || star);
+            placed.push(star);
         }
         *seen = placed.seen;
         placed.brightness
@@ -122,14 +134,12 @@ struct Placed<'a> {
 }
 
 impl Placed<'_> {
-    /// Adds a visible star; `star` is written where it stays.
-    #[inline(always)]
-    fn push(&mut self, electrons: f64, star: impl FnOnce() -> PlannedStar) {
-        let Some(slot) = self.stars.get_mut(self.seen) else { return };
-        *slot = star();
-        self.seen += 1;
-        let whole = usize::from(electrons >= self.margins.from_e);
-        self.brightness = self.brightness.and(Brightness { most_e: electrons, least_e: electrons, whole });
+    fn push(&mut self, star: PlannedStar) {
+        self.brightness.add(true, star.electrons, self.margins.from_e);
+        if let Some(slot) = self.stars.get_mut(self.seen) {
+            *slot = star;
+            self.seen += 1;
+        }
     }
 }
 
@@ -145,7 +155,10 @@ impl NullaryFnOnce for PlaceBlocks<'_, '_> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
-        for sources in self.sources {
+        let Self { placer, sources, lit, placed } = self;
+        let Placed { stars, seen, brightness, margins } = placed;
+        let mut lanes = [Brightness::NONE; STARS];
+        for sources in sources {
             let mut directions = [[0.0; STARS]; 3];
             for (k, source) in sources.iter().enumerate() {
                 if let SourcePlace::Icrf(DVec3 { x, y, z }) = source.place {
@@ -154,18 +167,30 @@ impl NullaryFnOnce for PlaceBlocks<'_, '_> {
                     directions[2][k] = z;
                 }
             }
-            let places = self.placer.place(&directions);
+            let places = placer.place(&directions);
+            let tangent = |k: usize| DVec2::new(places.tangent[0][k], places.tangent[1][k]);
+            let mut electrons: Eight = core::array::from_fn(|k| sources[k].electrons);
+            if !lit.illumination.is_even() {
+                for (k, electrons) in electrons.iter_mut().enumerate() {
+                    *electrons *= lit.illumination.at(tangent(k));
+                }
+            }
+            let is_seen: [bool; STARS] = core::array::from_fn(|k| margins.see(places.outside_px[k], electrons[k]));
+            for k in 0..STARS {
+                lanes[k].add(is_seen[k], electrons[k], margins.from_e);
+            }
             for (k, source) in sources.iter().enumerate() {
-                let tangent = DVec2::new(places.tangent[0][k], places.tangent[1][k]);
-                let Some(electrons) = self.placed.margins.seen_e(places.outside_px[k], source, tangent, self.lit)
-                else {
-                    continue;
-                };
-                let place = StarPlace { mid_px: [places.mid_px[0][k], places.mid_px[1][k]], tangent };
-                let mean_px = [places.mean_px[0][k], places.mean_px[1][k]];
-                self.placed.push(electrons, || star_at(source, electrons, place, mean_px));
+                // Without a branch: what is not seen is overwritten by the next one.
+                let Some(slot) = stars.get_mut(*seen) else { continue };
+                let place = StarPlace { mid_px: [places.mid_px[0][k], places.mid_px[1][k]], tangent: tangent(k) };
+                *slot = star_at(source, electrons[k], place, [places.mean_px[0][k], places.mean_px[1][k]]);
+                if let Some(still) = lit.still {
+                    slot.electrons_on_detector = electrons[k] * still.at(slot.mean_px);
+                }
+                *seen += usize::from(is_seen[k]);
             }
         }
+        *brightness = lanes.into_iter().fold(*brightness, Brightness::and);
     }
 }
 
@@ -197,11 +222,14 @@ fn place_one(source: &Source, lit: Lit<'_>, los: &LosPath, means: &MeanField, ma
     }?;
     let last_px = last_px(camera);
     let seen = |mean_px: [f64; 2]| {
-        let electrons = margins.seen_e(outside_px(mean_px, last_px), source, place.tangent, lit)?;
-        Some(star_at(source, electrons, place, mean_px))
+        let electrons = source.electrons * lit.illumination.at(place.tangent);
+        let is_seen = margins.see(outside_px(mean_px, last_px), electrons);
+        is_seen.then(|| star_at(source, electrons, place, mean_px))
     };
     if means.is_still() {
-        return seen(place.mid_px);
+        let star = seen(place.mid_px)?;
+        let light = lit.still.map_or(0.0, |still| still.at(star.mean_px));
+        return Some(PlannedStar { electrons_on_detector: star.electrons * light, ..star });
     }
     let track = StarTrack::new(camera, place);
     let [dx, dy] = means.displacement_px(&track);
@@ -221,14 +249,10 @@ pub(super) struct Margins {
 }
 
 impl Margins {
-    /// Returns the electrons of a source at `tangent` if it leaves light on the detector from `outside_px` beyond it.
+    /// Returns whether a star leaves light on the detector from `outside_px` beyond it.
     #[inline(always)]
-    fn seen_e(&self, outside_px: f64, source: &Source, tangent: DVec2, lit: Lit<'_>) -> Option<f64> {
-        if outside_px >= self.whole_px {
-            return None;
-        }
-        let electrons = source.electrons * lit.illumination.at(tangent);
-        (outside_px < self.ordinary_px || electrons >= self.from_e).then_some(electrons)
+    fn see(&self, outside_px: f64, electrons: f64) -> bool {
+        (outside_px < self.ordinary_px) | (outside_px < self.whole_px) & (electrons >= self.from_e)
     }
 }
 
@@ -260,6 +284,8 @@ pub(super) struct BlockPlacer {
     centre_px: [f64; 2],
     /// Square of the largest tangent that is imaged.
     domain_squared: f64,
+    /// Mean places are those of mid-exposure.
+    is_still: bool,
     pose: Pose,
     correction: Correction,
     last_px: [f64; 2],
@@ -289,6 +315,7 @@ impl BlockPlacer {
             focal_px: parameters.focal_px,
             centre_px: parameters.principal_point_px,
             domain_squared: camera.largest_tangent().powi(2),
+            is_still: means.is_still(),
             pose,
             correction,
             last_px: last_px(camera),
@@ -319,7 +346,11 @@ impl BlockPlacer {
             // A direction behind the camera, or beyond the domain, is not imaged.
             is_imaged[k] = (forward > 0.0) & (u * u + v * v <= self.domain_squared);
         }
-        self.mean(&mut places);
+        if self.is_still {
+            places.mean_px = places.mid_px;
+        } else {
+            self.mean(&mut places);
+        }
         for k in 0..STARS {
             let outside_px = outside_px([places.mean_px[0][k], places.mean_px[1][k]], self.last_px);
             places.outside_px[k] = if is_imaged[k] { outside_px } else { f64::INFINITY };
@@ -410,7 +441,7 @@ mod tests {
             probes.measure(&motion, 0.8);
             let mut means = MeanField::new(&camera);
             means.measure(&motion, shutter, &probes);
-            let lit = Lit { camera: &camera, illumination: &illumination };
+            let lit = Lit { camera: &camera, illumination: &illumination, still: None };
             assert_eq!(BlockPlacer::new(&camera, &motion.los, &means).is_some(), in_blocks, "{moves} {k1}");
             let sources = sources(&motion);
             let (mut stars, mut seen) = (Vec::new(), Vec::new());

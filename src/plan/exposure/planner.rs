@@ -191,9 +191,11 @@ impl Planner {
         self.choose_whole(brightness.whole);
         self.take_degradations(brightness);
         let domain = self.whole_domain();
-        let Self { plan, probes, lists, instrument, share, targets, .. } = self;
+        let Self { plan, probes, means, lists, instrument, share, targets, .. } = self;
         lists::fill(plan, probes, &instrument.camera, lists);
-        lists::give(plan, share, lists);
+        if !(means.is_still() && lists::are_given(plan)) {
+            lists::give(plan, share, lists);
+        }
         targets.append(plan, share, &domain);
         &self.plan
     }
@@ -210,11 +212,12 @@ impl Planner {
     }
 
     fn place(&mut self, sources: &[Source]) -> Brightness {
-        let Self { plan, means, instrument, seen, chooser, .. } = self;
+        let Self { plan, means, instrument, seen, chooser, share, .. } = self;
         let further_px = (plan.whole.half_px - plan.half_px) as f64;
         let ordinary_px = light_reach_px(plan);
         let margins = Margins { ordinary_px, whole_px: ordinary_px + further_px, from_e: chooser.wings.limit_e };
-        let lit = Lit { camera: &instrument.camera, illumination: &instrument.illumination };
+        let still = if means.is_still() { share.of_still() } else { None };
+        let lit = Lit { camera: &instrument.camera, illumination: &instrument.illumination, still };
         place_stars(sources, lit, &plan.motion.los, means, margins, (&mut plan.stars, seen))
     }
 

@@ -52,6 +52,12 @@ impl Share {
         self.nodes.first().filter(|_| self.field.is_none()).map(|node| node.clear_of_edges(extent_px))
     }
 
+    /// Returns the shares of stars that do not move; `None` for a field of PSFs.
+    pub fn of_still(&self) -> Option<Still<'_>> {
+        let node = self.nodes.first().filter(|_| self.field.is_none())?;
+        Some(Still { clear: node.clear_of_edges(0.0), node })
+    }
+
     /// Returns the share of `star`'s electrons on the detector.
     pub fn on_detector(&self, star: &PlannedStar, camera: &CameraGeometry, nodes: &[PathNode], extent_px: f64) -> f64 {
         let on = |node: usize| self.nodes[node].on_detector(star, camera, nodes, extent_px);
@@ -84,6 +90,24 @@ impl Clear {
     #[inline]
     fn axes(&self, px: [f64; 2]) -> [bool; 2] {
         [0, 1].map(|axis| px[axis] >= self.limits_px[axis][0] && px[axis] <= self.limits_px[axis][1])
+    }
+}
+
+/// Light shares of stars that do not move.
+#[derive(Debug, Clone, Copy)]
+pub struct Still<'a> {
+    clear: Clear,
+    node: &'a NodeShare,
+}
+
+impl Still<'_> {
+    /// Returns the share of the light of a star at `px` that lands on the detector.
+    #[inline]
+    pub fn at(&self, px: [f64; 2]) -> f64 {
+        match self.clear.light_at(px) {
+            Some(light) => light,
+            None => self.node.footprint * (self.node.along(0, px[0]) * self.node.along(1, px[1])),
+        }
     }
 }
 
