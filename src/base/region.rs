@@ -107,11 +107,16 @@ impl Regions {
 
     /// Returns true when a rectangle of `size_px` columns and rows from column `left` and row `top` has a pixel that is
     /// read out.
+    #[inline(always)]
     pub fn show(&self, left: i64, top: i64, size_px: [i64; 2]) -> bool {
+        self.is_whole() || self.meet(left, top, size_px)
+    }
+
+    fn meet(&self, left: i64, top: i64, size_px: [i64; 2]) -> bool {
         let meets = |first: i64, count: i64, of: Range<usize>| first < of.end as i64 && first + count > of.start as i64;
         let meets_region =
             |region: &Region| meets(left, size_px[0], region.columns()) && meets(top, size_px[1], region.rows());
-        self.is_whole() || self.as_slice().iter().any(meets_region)
+        self.as_slice().iter().any(meets_region)
     }
 
     /// Returns true when a pixel of these rows is read out.

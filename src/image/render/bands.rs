@@ -1,12 +1,13 @@
 //! A plan's stars in single precision, sorted into bands of image rows for the threads of the CPU backend.
 //!
 //! Positions are integer + fraction, so that f32 keeps 1e-8 px of the fraction wherever the star is. Stars are
-//! taken in chunks, each sorted by its own thread; a band reads the chunks in order, so its stars come in source order
-//! whatever the number of threads.
+//! taken in chunks, each sorted by its own thread. A band reads the chunks in order: its trails come in source order, and
+//! its stars that are drawn once by rows ([`spots`](crate::render::spots)), whatever the number of threads.
 //!
 //! [`Band`] has the pixels of a band of rows, and adds vectors to them.
 
 use crate::render::grid::LANES;
+use crate::render::spots::{BandSpots, Groups, Once, Spot, Spots};
 use base::{fused::mul_add, region::Regions, vector_level::vector_level};
 use plan::exposure::pose::{POSE, PathNode};
 use plan::exposure::track::StarTrack;
@@ -34,17 +35,6 @@ const SPACE: usize = 8;
 /// A star that is drawn from the PSF itself: this, less the PSF's number where it is one of several.
 pub(super) const NO_KERNEL: u32 = u32::MAX;
 
-/// A star drawn once, at its mean position.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Spot {
-    pub(super) column: i32,
-    pub(super) row: i32,
-    pub(super) fraction: [f32; 2],
-    pub(super) electrons: f32,
-    /// Index of its kernel, or of its PSF down from [`NO_KERNEL`].
-    pub(super) kernel: u32,
-}
-
 /// A star drawn at every node of its list.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Trail {
@@ -55,27 +45,19 @@ pub(super) struct Trail {
     pub(super) from_principal_px: [f32; 2],
 }
 
-/// One band's stars from one chunk.
-#[derive(Debug, Default)]
-pub(super) struct Members {
-    pub(super) spots: Vec<Spot>,
-    pub(super) trails: Vec<Trail>,
-}
-
-/// The stars of one chunk by band, and those that are drawn whole.
+/// The trails of one chunk by band, and the stars that are drawn whole.
 #[derive(Debug, Default)]
 struct Chunk {
-    bands: Vec<Members>,
+    trails: Vec<Vec<Trail>>,
     whole: Vec<PlannedStar>,
 }
 
 /// Where the stars of one list go.
 #[derive(Debug, Clone, Copy)]
 struct ListPlace {
-    /// Half-height of its footprint, px.
-    half_px: i64,
     /// Its kernel or PSF.
     table: u32,
+    is_kernel: bool,
     /// Each is drawn once, by this list alone.
     is_spot: bool,
 }
@@ -95,6 +77,8 @@ pub(super) struct Bands {
     bands: usize,
     chunks: Vec<Chunk>,
     used: usize,
+    /// Stars that are drawn once from the PSF, and those from kernels.
+    once: [Once; 2],
     pub(super) nodes: Vec<NodeColumns>,
     places: Vec<ListPlace>,
 }
@@ -109,55 +93,75 @@ impl Bands {
         let columns =
             || NodeColumns { values: Vec::with_capacity((POSE + 1) * NODES_RESERVED), ..NodeColumns::default() };
         let nodes = core::iter::repeat_with(columns).take(LISTS_RESERVED).collect();
-        Self { rows, bands, chunks, used: 0, nodes, places: Vec::with_capacity(PLACES_RESERVED) }
+        let once = [(); 2].map(|()| Once {
+            groups: Groups::default(),
+            chunks: (0..CHUNKS_RESERVED).map(|_| Spots::with_space(CHUNK, rows)).collect(),
+        });
+        Self { rows, bands, chunks, used: 0, once, nodes, places: Vec::with_capacity(PLACES_RESERVED) }
     }
 
-    /// Sorts a plan; paths that do not reach `regions` are left out. `half_px`: half-height of the footprint of a list;
-    /// `table_of`: its kernel or PSF ([`Spot::kernel`]).
+    /// Sorts a plan; paths that do not reach `regions` are left out. `half_px`: half-height of the footprints of the PSF and
+    /// of kernels; `table_of`: the kernel or PSF of a list ([`Spot::kernel`]), and whether it is a kernel.
     pub(super) fn sort(
         &mut self,
         plan: &ExposurePlan,
         regions: &Regions,
-        half_px: impl Fn(usize) -> usize,
-        table_of: impl Fn(usize) -> u32,
+        half_px: [usize; 2],
+        table_of: impl Fn(usize) -> (u32, bool),
     ) {
         self.fill_nodes(plan);
         self.places.clear();
-        self.places.extend(plan.lists.iter().enumerate().map(|(number, list)| ListPlace {
-            half_px: half_px(number).cast_signed() as i64,
-            table: table_of(number),
-            is_spot: matches!(list.drawing, Drawing::Once | Drawing::Kernel(_)),
+        self.places.extend(plan.lists.iter().enumerate().map(|(number, list)| {
+            let (table, is_kernel) = table_of(number);
+            let is_spot = matches!(list.drawing, Drawing::Once | Drawing::Kernel(_));
+            ListPlace { table, is_kernel, is_spot }
         }));
         let parts = rayon::current_num_threads().min(CHUNKS_RESERVED);
         let length = plan.stars.len().div_ceil(parts).clamp(LEAST_CHUNK, CHUNK);
         self.used = plan.stars.len().div_ceil(length);
-        let bands = self.bands;
+        let (bands, rows, arch) = (self.bands, self.rows, vector_level());
         if self.chunks.len() < self.used {
             self.chunks.resize_with(self.used, || chunk(bands));
         }
-        let (rows, places, arch) = (self.rows, self.places.as_slice(), vector_level());
-        let fill = |(chunk, stars): (&mut Chunk, &[PlannedStar])| {
+        for (once, half_px) in self.once.iter_mut().zip(half_px) {
+            once.groups = Groups::new(rows, half_px);
+            if once.chunks.len() < self.used {
+                once.chunks.resize_with(self.used, || Spots::with_space(CHUNK, rows));
+            }
+        }
+        let [psf, kernels] = &mut self.once;
+        let (groups, places) = ([psf.groups, kernels.groups], self.places.as_slice());
+        let fill = |(((chunk, psf), kernels), stars): (((&mut Chunk, &mut Spots), &mut Spots), &[PlannedStar])| {
             chunk.whole.clear();
-            for members in &mut chunk.bands {
-                members.spots.clear();
-                members.trails.clear();
+            chunk.trails.iter_mut().for_each(Vec::clear);
+            let mut once = [psf, kernels];
+            once.iter_mut().zip(groups).for_each(|(once, groups)| once.clear(groups));
+            arch.dispatch(SortStars { plan, regions, stars, places, rows, groups, once: &mut once, chunk });
+            for (once, groups) in once.into_iter().zip(groups) {
+                once.sort(groups);
             }
-            arch.dispatch(SortStars { plan, regions, stars, places, rows, chunk });
-            for members in &mut chunk.bands {
-                reserve(&mut members.spots);
-                reserve(&mut members.trails);
-            }
+            chunk.trails.iter_mut().for_each(reserve);
         };
+        let used = ..self.used;
         if self.used == 1 {
-            self.chunks.iter_mut().zip(plan.stars.chunks(length)).for_each(fill);
+            let chunks = self.chunks.iter_mut().zip(&mut psf.chunks).zip(&mut kernels.chunks);
+            chunks.zip(plan.stars.chunks(length)).for_each(fill);
         } else {
-            self.chunks[..self.used].par_iter_mut().zip(plan.stars.par_chunks(length)).for_each(fill);
+            let chunks = self.chunks[used].par_iter_mut().zip(&mut psf.chunks[used]).zip(&mut kernels.chunks[used]);
+            chunks.zip(plan.stars.par_chunks(length)).for_each(fill);
         }
     }
 
-    /// Members of band `band`, chunk by chunk.
-    pub(super) fn members(&self, band: usize) -> impl Iterator<Item = &Members> {
-        self.chunks[..self.used].iter().map(move |chunk| &chunk.bands[band])
+    /// Stars that are drawn once and reach so many rows from `first`: from the PSF, and from kernels.
+    #[inline(always)]
+    pub(super) fn once(&self, first: i32, rows: i32) -> [BandSpots<'_>; 2] {
+        [0, 1].map(|kind| self.once[kind].of_band(self.used, first, rows))
+    }
+
+    /// Trails of band `band`, in source order.
+    #[inline(always)]
+    pub(super) fn trails(&self, band: usize) -> impl Iterator<Item = &Trail> {
+        self.chunks[..self.used].iter().flat_map(move |chunk| &chunk.trails[band])
     }
 
     /// Stars that are drawn whole, in source order.
@@ -202,77 +206,85 @@ impl NodeColumns {
 /// Returns the empty bands of one chunk; memory that is never written is never taken.
 fn chunk(bands: usize) -> Chunk {
     let space = (SPACE * CHUNK).div_ceil(bands.max(1)).min(CHUNK);
-    let members = |_| Members { spots: Vec::with_capacity(space), trails: Vec::with_capacity(space) };
-    Chunk { bands: (0..bands).map(members).collect(), whole: Vec::with_capacity(WHOLE_RESERVED) }
+    let trails = (0..bands).map(|_| Vec::with_capacity(space)).collect();
+    Chunk { trails, whole: Vec::with_capacity(WHOLE_RESERVED) }
 }
 
 /// Reserves capacity for all stars of a chunk before a slowly changing field needs it.
-fn reserve<T>(members: &mut Vec<T>) {
+fn reserve(members: &mut Vec<Trail>) {
     if (members.len() + members.len() / 4).min(CHUNK) > members.capacity() {
         members.reserve_exact(CHUNK - members.len());
     }
 }
 
 /// Splits a position into pixel and fraction.
-#[allow(clippy::cast_possible_truncation, reason = "the planner keeps positions within a few detectors of the origin")]
 #[inline(always)]
 fn spot(px: [f64; 2], electrons: f64, kernel: u32) -> Spot {
-    let (column, row) = ((px[0] + 0.5).floor(), (px[1] + 0.5).floor());
-    Spot {
-        column: column as i32,
-        row: row as i32,
-        fraction: [(px[0] - column) as f32, (px[1] - row) as f32],
-        electrons: electrons as f32,
-        kernel,
-    }
+    let whole = px.map(|px| (px + 0.5).floor());
+    let [column, row] = whole.map(whole_i32);
+    let fraction = [0, 1].map(|axis| (px[axis] - whole[axis]) as f32);
+    Spot { column, row, fraction, electrons: electrons as f32, kernel }
+}
+
+/// Returns a whole number within 2^31 as an integer: the planner keeps positions within a few detectors of the origin. An
+/// `as` cast saturates, which takes four times as many instructions.
+#[inline(always)]
+fn whole_i32(whole: f64) -> i32 {
+    const INTEGER_MAGIC: f64 = 6_755_399_441_055_744.0; // 1.5 * 2^52
+    ((whole + INTEGER_MAGIC).to_bits() as u32).cast_signed()
 }
 
 /// One chunk's stars, in the shape `pulp` compiles once per vector level.
-struct SortStars<'a> {
+struct SortStars<'a, 'b> {
     plan: &'a ExposurePlan,
     regions: &'a Regions,
     stars: &'a [PlannedStar],
     places: &'a [ListPlace],
     rows: usize,
+    groups: [Groups; 2],
+    once: &'a mut [&'b mut Spots; 2],
     chunk: &'a mut Chunk,
 }
 
-impl NullaryFnOnce for SortStars<'_> {
+impl NullaryFnOnce for SortStars<'_, '_> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
-        let Self { plan, regions, stars, places, rows, chunk } = self;
+        let Self { plan, regions, stars, places, rows, groups, once, chunk } = self;
+        if let [place] = *places
+            && place.is_spot
+        {
+            let kind = usize::from(place.is_kernel);
+            let (spots, groups) = (&mut *once[kind], groups[kind]);
+            for star in stars {
+                spots.push(groups, spot(star.mean_px, star.drawn_e, place.table));
+            }
+            return;
+        }
+        let mut push = |place: ListPlace, mean_px: [f64; 2], electrons: f64| {
+            let kind = usize::from(place.is_kernel);
+            once[kind].push(groups[kind], spot(mean_px, electrons, place.table));
+        };
         for star in stars {
-            if let Some(ListPlace { half_px, table, is_spot: true }) = places.get(star.list as usize) {
-                push_spot(&mut chunk.bands, spot(star.mean_px, star.drawn_e, *table), *half_px, rows);
+            if let Some(place) = places.get(star.list as usize).filter(|place| place.is_spot) {
+                push(*place, star.mean_px, star.drawn_e);
                 continue;
             }
             for (list, share) in plan.parts(star) {
-                let ListPlace { half_px: half, table, .. } = places[list];
                 let electrons = share * star.drawn_e;
                 match plan.lists[list].drawing {
                     Drawing::Nodes => {
-                        sort_trail((plan, regions), star, (list, electrons, table), half, rows, &mut chunk.bands);
-                        continue;
+                        let half_px = groups[usize::from(places[list].is_kernel)].half_px();
+                        let of_list = (list, electrons, places[list].table);
+                        sort_trail((plan, regions), star, of_list, half_px, rows, &mut chunk.trails);
                     }
-                    Drawing::Whole => {
-                        chunk.whole.push(*star);
-                        continue;
+                    Drawing::Whole => chunk.whole.push(*star),
+                    Drawing::Once | Drawing::Kernel(_) | Drawing::Blend(_) => {
+                        push(places[list], star.mean_px, electrons);
                     }
-                    Drawing::Once | Drawing::Kernel(_) | Drawing::Blend(_) => {}
                 }
-                push_spot(&mut chunk.bands, spot(star.mean_px, electrons, table), half, rows);
             }
         }
-    }
-}
-
-/// Adds a star that is drawn once to the bands that its footprint reaches.
-#[inline(always)]
-fn push_spot(bands: &mut [Members], spot: Spot, half_px: i64, rows: usize) {
-    let row = i64::from(spot.row);
-    for members in &mut bands[bands_of(row - half_px, row + half_px, rows)] {
-        members.spots.push(spot);
     }
 }
 
@@ -282,17 +294,10 @@ fn sort_trail(
     (list, electrons, table): (usize, f64, u32),
     half: i64,
     rows: usize,
-    chunk: &mut [Members],
+    trails: &mut [Vec<Trail>],
 ) {
     let track = StarTrack::new(&plan.camera, star.place);
     let origin_px = plan.origin_px(star, &track);
-    let trail = Trail {
-        spot: spot(origin_px, electrons, table),
-        list: u32::try_from(list).unwrap_or(u32::MAX),
-        tangent: star.place.tangent.to_array().map(|v| v as f32),
-        px_per_tangent: track.px_per_tangent.map(|row| row.map(|v| v as f32)),
-        from_principal_px: track.from_principal_px.map(|v| v as f32),
-    };
     // The path stays within its extent of the mean; one pixel for motion between the probes, one for rounding.
     #[allow(clippy::cast_possible_truncation, reason = "a path on a detector, px")]
     let reach = half + plan.extent_px.ceil() as i64 + 2;
@@ -301,8 +306,15 @@ fn sort_trail(
     if !regions.show(column - reach, row - reach, [2 * reach + 1; 2]) {
         return;
     }
+    let trail = Trail {
+        spot: spot(origin_px, electrons, table),
+        list: u32::try_from(list).unwrap_or(u32::MAX),
+        tangent: star.place.tangent.to_array().map(|v| v as f32),
+        px_per_tangent: track.px_per_tangent.map(|row| row.map(|v| v as f32)),
+        from_principal_px: track.from_principal_px.map(|v| v as f32),
+    };
     for band in bands_of(row - reach, row + reach, rows) {
-        chunk[band].trails.push(trail);
+        trails[band].push(trail);
     }
 }
 
@@ -323,14 +335,7 @@ pub(super) struct Band<'a> {
     pub(super) pixels: &'a mut [f32],
     pub(super) width: usize,
     pub(super) first_row: i32,
-}
-
-impl Band<'_> {
-    /// Returns rows in the band.
-    #[inline(always)]
-    pub(super) fn rows(&self) -> i32 {
-        (self.pixels.len() / self.width) as i32
-    }
+    pub(super) rows: i32,
 }
 
 /// Adds `gain * values` to `target`, through a copy: the compiler need not check whether the two overlap.

@@ -1,22 +1,26 @@
 //! CPU backend: all cores, vectorised by the compiler for the processor it finds (AVX-512, AVX2 + FMA, NEON, SSE2).
 //!
-//! The image is cut into bands of rows; a band is cleared and drawn by one thread, its stars in source order, so a
+//! The image is cut into bands of rows; a band is cleared and drawn by one thread, its stars in one order, so a
 //! repeated plan gives the same bits whatever the number of threads, and parts of an image have the bits of the whole.
-//! A Gaussian is drawn analytically for every node (two vectors of erf, then one multiply-add per row); other PSFs and
+//! A Gaussian is drawn analytically for every node: its shares across and down come from polynomials
+//! ([`weights`](crate::render::weights)) or the error function, then one multiply-add per row. Other PSFs and
 //! effective PSFs come from tables. Error: f32, < 2e-7 of the peak (Gaussian), `TABLE_ERROR` (tables); `tests/physics`.
 
 use crate::gpu::Electrons;
-use crate::render::bands::{BAND_ROWS, BLOCK, Bands, NO_KERNEL, NodeColumns, Spot, Trail};
-use crate::render::bands::{Band, add_clipped, add_lanes};
+use crate::render::bands::{BAND_ROWS, BLOCK, Bands, NO_KERNEL, NodeColumns, Trail};
+use crate::render::bands::{Band, add_clipped};
+use crate::render::spots::{BandSpots, Spot};
 use crate::render::stamp::{Stamped, stamp};
 use crate::render::table::{Form, PsfTable};
+use crate::render::weights::{self, Weights};
 use crate::render::whole::{TILE_PX, WholeImage};
 use crate::render::{Backend, check_kernel, check_sampling};
 use crate::render::{grid::LANES, plan_tables::PlanTables, profile::Profile, spline::Taps};
 use base::fused::{mul_add, whole_bits};
 use base::{image::Image, refused::Refused, region::Regions, vector_level};
+use core::ops::Range;
 use plan::exposure::{ExposurePlan, sampling::ANALYTIC_HALF_PX};
-use pulp::{Arch, NullaryFnOnce};
+use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 /// The CPU backend.
@@ -27,6 +31,8 @@ pub struct Cpu {
     tables: PlanTables,
     bands: Bands,
     whole: WholeImage,
+    /// Polynomials of the latest Gaussian; `None` outside their domain.
+    weights: Option<Weights>,
     /// Parts of the image that are drawn.
     regions: Regions,
 }
@@ -40,6 +46,7 @@ impl Cpu {
             tables: PlanTables::new(ANALYTIC_HALF_PX, Form::Products),
             bands: Bands::new(height_px),
             whole: WholeImage::new([width_px, height_px]),
+            weights: None,
             regions: Regions::WHOLE,
         }
     }
@@ -58,16 +65,19 @@ impl Backend for Cpu {
         check_kernel(plan)?;
         check_sampling(plan, self.tables.is_analytic(plan))?;
         self.tables.prepare(plan);
-        let Self { arch, image, tables, bands, whole, regions } = self;
+        let Self { arch, image, tables, bands, whole, weights, regions } = self;
         let kernel_half = tables.kernels().first().map_or(0, |kernel| kernel.half_px[1]);
-        let half_px = |list: usize| if tables.kernel_of(list).is_some() { kernel_half } else { plan.half_px };
         let table_of = |list: usize| {
             let number = |n: usize| u32::try_from(n).unwrap_or(0);
-            tables.kernel_of(list).map_or_else(|| NO_KERNEL - number(tables.psf_of(plan, list)), number)
+            let of_psf = || (NO_KERNEL - number(tables.psf_of(plan, list)), false);
+            tables.kernel_of(list).map_or_else(of_psf, |kernel| (number(kernel), true))
         };
-        bands.sort(plan, regions, half_px, table_of);
+        bands.sort(plan, regions, [plan.half_px, kernel_half], table_of);
         whole.draw(plan, tables, bands.whole());
         let width = image.width().max(1);
+        let profile = Profile::new(plan.sampling, plan.psf.core_sigma_px());
+        let is_gaussian = profile.is_exact() && tables.bases(plan).is_empty();
+        set_weights(weights, is_gaussian.then(|| plan.psf.core_sigma_px()), plan.half_px);
         let draw = Draw {
             bands,
             whole,
@@ -75,7 +85,8 @@ impl Backend for Cpu {
             kernels: tables.kernels(),
             bases: tables.bases(plan),
             half_px: plan.half_px as i32,
-            profile: Profile::new(plan.sampling, plan.psf.core_sigma_px()),
+            profile,
+            weights: weights.as_ref(),
             oversampling: tables.kernels().first().or(tables.bases(plan).first()).map_or(1, |table| table.oversampling),
             mask: core::array::from_fn(|lane| if lane <= 2 * plan.half_px { 1.0 } else { 0.0 }),
         };
@@ -84,9 +95,9 @@ impl Backend for Cpu {
             if !draw.regions.show_rows(&(index * BAND_ROWS..(index + 1) * BAND_ROWS)) {
                 return;
             }
-            let target = Band { pixels, width, first_row: (index * BAND_ROWS) as i32 };
-            let fused = !matches!(arch, Arch::Scalar);
-            arch.dispatch(DrawBand { draw, target, index, fused });
+            let rows = (pixels.len() / width) as i32;
+            let target = Band { pixels, width, first_row: (index * BAND_ROWS) as i32, rows };
+            arch.dispatch(DrawBand { draw, target, index });
         });
         Ok(())
     }
@@ -97,6 +108,17 @@ impl Backend for Cpu {
 
     fn electrons(&self) -> Electrons<'_> {
         Electrons::Host(&self.image)
+    }
+}
+
+/// Makes the polynomials of a Gaussian where the latest ones are for another.
+fn set_weights(weights: &mut Option<Weights>, sigma_px: Option<f64>, half_px: usize) {
+    let Some(sigma_px) = sigma_px.filter(|sigma_px| *sigma_px >= weights::LEAST_SIGMA_PX) else {
+        *weights = None;
+        return;
+    };
+    if !weights.as_ref().is_some_and(|weights| weights.are_for(sigma_px, half_px)) {
+        *weights = Weights::new(sigma_px, half_px);
     }
 }
 
@@ -114,6 +136,8 @@ struct Draw<'a> {
     /// Grid points per pixel of all tables of a plan.
     oversampling: usize,
     profile: Profile,
+    /// In its place where the PSF is a Gaussian in their domain.
+    weights: Option<&'a Weights>,
     /// 1 for lanes inside the footprint, else 0.
     mask: [f32; LANES],
 }
@@ -123,42 +147,37 @@ struct DrawBand<'a> {
     draw: &'a Draw<'a>,
     target: Band<'a>,
     index: usize,
-    fused: bool,
 }
 
-impl NullaryFnOnce for DrawBand<'_> {
+impl WithSimd for DrawBand<'_> {
     type Output = ();
     #[inline(always)]
-    fn call(self) {
-        if self.fused { self.draw::<true>() } else { self.draw::<false>() }
+    fn with_simd<S: Simd>(self, simd: S) {
+        if S::IS_SCALAR { self.draw::<S, false>(simd) } else { self.draw::<S, true>(simd) }
     }
 }
 
 impl DrawBand<'_> {
     #[inline(always)]
-    fn draw<const FUSED: bool>(self) {
+    fn draw<S: Simd, const FUSED: bool>(self, simd: S) {
         let Self { draw, mut target, index, .. } = self;
         target.pixels.fill(0.0);
-        let mut waiting = Waiting { analytic: Splats::NONE, tabled: Splats::NONE };
-        for members in draw.bands.members(index) {
-            if draw.has_tables() {
-                for spot in &members.spots {
-                    draw.spot::<FUSED>(&mut target, &mut waiting, spot);
-                }
-            } else {
-                for spots in members.spots.chunks(BLOCK) {
-                    waiting.analytic.take(spots);
-                    draw.splat::<FUSED>(&mut target, &waiting.analytic);
-                }
-                waiting.analytic.count = 0;
+        let mut splats = Splats::NONE;
+        let [mut from_psf, mut from_kernels] = draw.bands.once(target.first_row, target.rows);
+        if let Some(weights) = draw.weights {
+            for spot in from_psf {
+                draw.gaussian::<S, FUSED>(simd, &mut target, weights, spot);
+            }
+        } else {
+            while splats.take(&mut from_psf) {
+                draw.block::<S, FUSED>(simd, &mut target, &splats);
             }
         }
-        draw.rest::<FUSED>(&mut target, &mut waiting);
-        let mut splats = Splats::NONE;
-        for members in draw.bands.members(index) {
-            for trail in &members.trails {
-                draw.trail::<FUSED>(&mut target, &mut splats, trail);
-            }
+        while splats.take(&mut from_kernels) {
+            draw.stamps::<FUSED>(&mut target, &splats);
+        }
+        for trail in draw.bands.trails(index) {
+            draw.trail::<S, FUSED>(simd, &mut target, &mut splats, trail);
         }
         draw.add_whole(&mut target, index);
     }
@@ -172,14 +191,8 @@ struct Splats {
     x: [f32; BLOCK],
     y: [f32; BLOCK],
     electrons: [f32; BLOCK],
-    /// Kernel of each star, as in [`Spot::kernel`](crate::render::bands::Spot).
+    /// Kernel of each star, as in [`Spot::kernel`](crate::render::spots::Spot).
     kernel: [u32; BLOCK],
-}
-
-/// Stars that are drawn once, until there is a block of them.
-struct Waiting {
-    analytic: Splats,
-    tabled: Splats,
 }
 
 impl Splats {
@@ -193,68 +206,74 @@ impl Splats {
         kernel: [NO_KERNEL; BLOCK],
     };
 
-    /// Replaces the splats by at most a block of others, which need no kernel.
+    /// Replaces the splats by the next block of stars; returns false when none is left.
     #[inline(always)]
-    fn take(&mut self, spots: &[Spot]) {
-        for (k, spot) in spots.iter().enumerate().take(BLOCK) {
+    fn take(&mut self, spots: &mut BandSpots<'_>) -> bool {
+        self.count = 0;
+        for (k, spot) in spots.take(BLOCK).enumerate() {
             self.column[k] = spot.column;
             self.row[k] = spot.row;
             [self.x[k], self.y[k]] = spot.fraction;
             self.electrons[k] = spot.electrons;
+            self.kernel[k] = spot.kernel;
+            self.count = k + 1;
         }
-        self.count = spots.len().min(BLOCK);
+        self.count > 0
     }
 
     #[inline(always)]
-    fn push(&mut self, spot: &Spot) {
-        let k = self.count;
-        self.column[k] = spot.column;
-        self.row[k] = spot.row;
-        [self.x[k], self.y[k]] = spot.fraction;
-        self.electrons[k] = spot.electrons;
-        self.kernel[k] = spot.kernel;
-        self.count += 1;
+    fn spot(&self, k: usize) -> Spot {
+        Spot {
+            column: self.column[k],
+            row: self.row[k],
+            fraction: [self.x[k], self.y[k]],
+            electrons: self.electrons[k],
+            kernel: self.kernel[k],
+        }
     }
 }
 
 impl Draw<'_> {
-    /// Returns the kernel or the PSF that a star is drawn from (see [`Spot::kernel`](crate::render::bands::Spot)).
+    /// Returns the kernel or the PSF that a star is drawn from (see [`Spot::kernel`](crate::render::spots::Spot)).
     #[inline(always)]
     fn table(&self, number: u32) -> Option<&PsfTable> {
         self.kernels.get(number as usize).or_else(|| self.bases.get((NO_KERNEL - number) as usize))
     }
 
-    /// Returns true when any star may be drawn from a kernel or a table.
-    fn has_tables(&self) -> bool {
-        !self.kernels.is_empty() || !self.bases.is_empty()
-    }
-
     /// Returns true when a star that reaches so far to all sides has a pixel in the regions.
     #[inline(always)]
     fn shows(&self, [column, row]: [i32; 2], half_px: [i64; 2]) -> bool {
-        if self.regions.is_whole() {
-            return true;
-        }
         let [left, top] = [i64::from(column) - half_px[0], i64::from(row) - half_px[1]];
         self.regions.show(left, top, half_px.map(|half| 2 * half + 1))
     }
 
-    /// Draws a star that is drawn once: it waits until a block is full.
+    /// Draws splats from the PSF.
     #[inline(always)]
-    fn spot<const FUSED: bool>(&self, band: &mut Band<'_>, waiting: &mut Waiting, spot: &Spot) {
-        if self.table(spot.kernel).is_some() {
-            waiting.tabled.push(spot);
-            if waiting.tabled.count == BLOCK {
-                self.stamps::<FUSED>(band, &waiting.tabled);
-                waiting.tabled.count = 0;
-            }
+    fn block<S: Simd, const FUSED: bool>(&self, simd: S, band: &mut Band<'_>, splats: &Splats) {
+        if self.bases.is_empty() {
+            self.splat::<S, FUSED>(simd, band, splats);
         } else {
-            waiting.analytic.push(spot);
-            if waiting.analytic.count == BLOCK {
-                self.splat::<FUSED>(band, &waiting.analytic);
-                waiting.analytic.count = 0;
-            }
+            self.stamps::<FUSED>(band, splats);
         }
+    }
+
+    /// Draws a Gaussian star by polynomials.
+    #[inline(always)]
+    fn gaussian<S: Simd, const FUSED: bool>(&self, simd: S, band: &mut Band<'_>, weights: &Weights, spot: &Spot) {
+        let used = 2 * self.half_px + 1;
+        let (left, top) = (spot.column - self.half_px, spot.row - self.half_px - band.first_row);
+        let rows = (-top).max(0)..used.min(band.rows - top);
+        if rows.is_empty() || !self.shows([spot.column, spot.row], [i64::from(self.half_px); 2]) {
+            return;
+        }
+        let [mut line, down] = weights.of::<S, FUSED>(simd, spot.fraction);
+        let electrons = simd.splat_f32s(spot.electrons);
+        for line in &mut line[..LANES / S::F32_LANES] {
+            *line = simd.mul_f32s(electrons, *line);
+        }
+        let mut gains = [0.0_f32; LANES];
+        lanes_mut::<S>(&mut gains).copy_from_slice(&down[..LANES / S::F32_LANES]);
+        add_line::<S, FUSED>(simd, band, [left, top], rows, &line, &gains);
     }
 
     /// Adds the light of whole stars to the band of this number.
@@ -271,13 +290,6 @@ impl Draw<'_> {
                 }
             }
         }
-    }
-
-    /// Draws the stars that still wait.
-    #[inline(always)]
-    fn rest<const FUSED: bool>(&self, band: &mut Band<'_>, waiting: &mut Waiting) {
-        self.stamps::<FUSED>(band, &waiting.tabled);
-        self.splat::<FUSED>(band, &waiting.analytic);
     }
 
     /// Draws splats from their tables.
@@ -303,17 +315,19 @@ impl Draw<'_> {
 
     /// Draws a star at every node of its list.
     #[inline(always)]
-    fn trail<const FUSED: bool>(&self, band: &mut Band<'_>, splats: &mut Splats, trail: &Trail) {
+    fn trail<S: Simd, const FUSED: bool>(&self, simd: S, band: &mut Band<'_>, splats: &mut Splats, trail: &Trail) {
         let Some(nodes) = self.bands.nodes.get(trail.list as usize) else { return };
         let mut first = 0;
         while first < nodes.count {
             steps::<FUSED>(nodes, first, trail, splats);
             splats.count = (nodes.count - first).min(BLOCK);
-            if self.table(trail.spot.kernel).is_some() {
-                splats.kernel = [trail.spot.kernel; BLOCK];
-                self.stamps::<FUSED>(band, splats);
+            if let Some(weights) = self.weights {
+                for k in 0..splats.count {
+                    self.gaussian::<S, FUSED>(simd, band, weights, &splats.spot(k));
+                }
             } else {
-                self.splat::<FUSED>(band, splats);
+                splats.kernel = [trail.spot.kernel; BLOCK];
+                self.block::<S, FUSED>(simd, band, splats);
             }
             first += BLOCK;
         }
@@ -321,7 +335,7 @@ impl Draw<'_> {
 
     /// Draws splats: all profiles in one vector loop, then row by row. Those of other bands cost their profile.
     #[inline(always)]
-    fn splat<const FUSED: bool>(&self, band: &mut Band<'_>, splats: &Splats) {
+    fn splat<S: Simd, const FUSED: bool>(&self, simd: S, band: &mut Band<'_>, splats: &Splats) {
         let used = (2 * self.half_px + 1) as usize;
         // Edges of neighbours follow one another; the last may be read a vector past its own.
         let stride = used + 1;
@@ -337,7 +351,7 @@ impl Draw<'_> {
         self.profile.apply::<FUSED>(&mut down[..end]);
         for k in 0..splats.count {
             let top = splats.row[k] - self.half_px - band.first_row;
-            if top >= band.rows() || top + used as i32 <= 0 {
+            if top >= band.rows || top + used as i32 <= 0 {
                 continue;
             }
             if !self.shows([splats.column[k], splats.row[k]], [i64::from(self.half_px); 2]) {
@@ -347,13 +361,16 @@ impl Draw<'_> {
             let (Some(across), Some(down)) = (across.get(at..at + LANES + 1), down.get(at..at + LANES + 1)) else {
                 continue;
             };
-            let mut line = [0.0_f32; LANES];
+            let mut values = [0.0_f32; LANES];
             let mut gains = [0.0_f32; LANES];
             for lane in 0..LANES {
-                line[lane] = splats.electrons[k] * self.mask[lane] * (across[lane + 1] - across[lane]);
+                values[lane] = splats.electrons[k] * self.mask[lane] * (across[lane + 1] - across[lane]);
                 gains[lane] = down[lane + 1] - down[lane];
             }
-            add_separable::<FUSED>(band, top, splats.column[k] - self.half_px, used, &line, &gains);
+            let mut line = [simd.splat_f32s(0.0); LANES];
+            line[..LANES / S::F32_LANES].copy_from_slice(lanes_mut::<S>(&mut values));
+            let rows = (-top).max(0)..(used as i32).min(band.rows - top);
+            add_line::<S, FUSED>(simd, band, [splats.column[k] - self.half_px, top], rows, &line, &gains);
         }
     }
 }
@@ -377,31 +394,68 @@ const fn numbers() -> [f32; LANES] {
     numbers
 }
 
-/// Adds the outer product of a row and `gains` from row `top` of the band.
+/// Returns the vectors of so many lanes.
 #[inline(always)]
-fn add_separable<const FUSED: bool>(
+fn lanes_mut<S: Simd>(lanes: &mut [f32; LANES]) -> &mut [S::f32s] {
+    S::as_mut_simd_f32s(lanes).0
+}
+
+/// Adds these rows of the product of a line and gains, from column `left` and row `top` of the band on.
+#[inline(always)]
+fn add_line<S: Simd, const FUSED: bool>(
+    simd: S,
     band: &mut Band<'_>,
-    top: i32,
-    left: i32,
-    used: usize,
-    line: &[f32; LANES],
+    [left, top]: [i32; 2],
+    rows: Range<i32>,
+    line: &[S::f32s; LANES],
     gains: &[f32; LANES],
 ) {
-    let width = band.width;
-    let (first, end) = ((-top).max(0), (used as i32).min(band.rows() - top));
-    if left >= 0 && left as usize + LANES <= width {
-        let from = (top + first) as usize * width + left as usize;
-        let Some(pixels) = band.pixels.get_mut(from..) else { return };
-        let rows = pixels.chunks_mut(width).filter_map(|row| row.first_chunk_mut::<LANES>());
-        for (row, gain) in rows.zip(&gains[first as usize..end as usize]) {
-            add_lanes::<FUSED>(row, line, *gain);
-        }
+    let (width, from) = (band.width, (top + rows.start) as usize * band.width);
+    let gains = &gains[rows.start as usize..rows.end as usize];
+    let Some(pixels) = band.pixels.get_mut(from..) else { return };
+    let Some(last) = width.checked_sub(LANES) else {
+        add_narrow::<S, FUSED>(pixels, (width, left), line, gains);
         return;
+    };
+    let mut line = *line;
+    let start = left.clamp(0, last as i32);
+    if start != left {
+        line = shifted::<S>(simd, &line, start - left);
     }
-    for r in first..end {
-        let at = (top + r) as usize * width;
-        add_clipped::<FUSED>(&mut band.pixels[at..at + width], left, used, line, gains[r as usize]);
+    let rows = pixels[start as usize..].chunks_mut(width).filter_map(|row| row.first_chunk_mut::<LANES>());
+    for (row, gain) in rows.zip(gains) {
+        let gain = simd.splat_f32s(*gain);
+        for (pixels, line) in lanes_mut::<S>(row).iter_mut().zip(&line) {
+            *pixels = weights::mul_add::<S, FUSED>(simd, gain, *line, *pixels);
+        }
     }
+}
+
+/// Adds rows on an image that is narrower than a vector.
+fn add_narrow<S: Simd, const FUSED: bool>(
+    pixels: &mut [f32],
+    (width, left): (usize, i32),
+    line: &[S::f32s; LANES],
+    gains: &[f32],
+) {
+    let mut values = [0.0_f32; LANES];
+    lanes_mut::<S>(&mut values).copy_from_slice(&line[..LANES / S::F32_LANES]);
+    for (row, gain) in pixels.chunks_mut(width).zip(gains) {
+        add_clipped::<FUSED>(row, left, LANES, &values, *gain);
+    }
+}
+
+/// Returns the values so many lanes further on, and 0 beyond their ends: what of a line lies on the image.
+#[inline(always)]
+fn shifted<S: Simd>(simd: S, line: &[S::f32s; LANES], by: i32) -> [S::f32s; LANES] {
+    const MIDDLE: i32 = LANES as i32;
+    let vectors = LANES / S::F32_LANES;
+    let mut padded = [0.0_f32; 3 * LANES];
+    S::as_mut_simd_f32s(&mut padded[LANES..2 * LANES]).0.copy_from_slice(&line[..vectors]);
+    let from = (MIDDLE + by).clamp(0, 2 * MIDDLE) as usize;
+    let mut shifted = [simd.splat_f32s(0.0); LANES];
+    shifted[..vectors].copy_from_slice(S::as_simd_f32s(&padded[from..from + LANES]).0);
+    shifted
 }
 
 /// Places of a star at the nodes from `first` (see [`plan::exposure::track`]).
@@ -447,18 +501,23 @@ mod tests {
     use super::*;
 
     #[test]
-    fn splats_are_clipped_at_both_ends() {
+    fn lines_are_clipped_at_both_ends() {
+        let simd = pulp::Scalar::new();
         let line: [f32; LANES] = core::array::from_fn(|i| if i < 2 { 1.0 } else { 0.0 });
-        let mut pixels = vec![0.0_f32; 40];
-        for (top, left) in [(0, -2), (1, 19), (0, 2), (-1, 5), (0, -40), (0, 400)] {
-            let mut band = Band { pixels: &mut pixels, width: 20, first_row: 0 };
-            add_separable::<true>(&mut band, top, left, 2, &line, &[2.0; LANES]);
+        for width in [20_u16, 12] {
+            let mut pixels = vec![0.0_f32; 2 * usize::from(width)];
+            let last = i32::from(width) - 1;
+            for (top, left) in [(0, -2), (1, last), (0, 2), (-1, 5), (0, -40), (0, 400)] {
+                let mut band = Band { pixels: &mut pixels, width: width.into(), first_row: 0, rows: 2 };
+                let rows = (-top).max(0)..2.min(2 - top);
+                add_line::<_, true>(simd, &mut band, [left, top], rows, &line, &[2.0; LANES]);
+            }
+            let mut wanted = vec![0.0_f32; 2 * usize::from(width)];
+            for at in [2, 3, width + 2, width + 3, 2 * width - 1, 5, 6] {
+                wanted[usize::from(at)] += 2.0;
+            }
+            assert_eq!(pixels, wanted, "{width} columns");
         }
-        let mut wanted = [0.0_f32; 40];
-        for at in [2, 3, 22, 23, 39, 5, 6] {
-            wanted[at] += 2.0;
-        }
-        assert_eq!(pixels, wanted);
     }
 
     #[test]

@@ -16,8 +16,10 @@ pub mod profile;
 mod psf_samples;
 pub mod reference;
 pub mod spline;
+mod spots;
 mod stamp;
 pub mod table;
+mod weights;
 mod whole;
 
 use crate::gpu::Electrons;

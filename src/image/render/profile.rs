@@ -42,6 +42,11 @@ impl Profile {
         Self { kind, sigma_px: sigma_px as f32 }
     }
 
+    /// Returns whether pixels have the exact integrals of the PSF.
+    pub(super) fn is_exact(&self) -> bool {
+        self.kind == Kind::Exact
+    }
+
     /// Positions of pixel edges from the star, px -> running sums there.
     #[inline(always)]
     pub(super) fn apply<const FUSED: bool>(&self, edges: &mut [f32]) {

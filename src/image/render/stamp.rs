@@ -25,7 +25,7 @@ impl Stamped {
         let left = self.origin[0] - table.half_px[0].cast_signed() as i32;
         let top = self.origin[1] - table.half_px[1].cast_signed() as i32 - band.first_row;
         let rows = table.size_px()[1] as i32;
-        let (first, end) = ((-top).max(0), rows.min(band.rows() - top));
+        let (first, end) = ((-top).max(0), rows.min(band.rows - top));
         ([left, top], first as usize..end.max(first) as usize)
     }
 }
@@ -138,7 +138,7 @@ mod tests {
     fn drawn(table: &PsfTable) -> Vec<f32> {
         let (width, height) = (50, 40);
         let mut pixels = vec![0.0; width * height];
-        let mut band = Band { pixels: &mut pixels, width, first_row: 100 };
+        let mut band = Band { pixels: &mut pixels, width, first_row: 100, rows: 40 };
         for (i, origin) in
             [[25, 120], [0, 100], [49, 139], [3, 97], [60, 118], [-9, 130], [40, 142]].into_iter().enumerate()
         {

@@ -70,7 +70,7 @@ impl CostModel {
     pub const CPU: Self = Self {
         frame_ms: 0.0,
         pixel_ns: 0.08,
-        star_ns: 30.0,
+        star_ns: 15.0,
         motion_ms: 0.2,
         motion_star_ns: 40.0,
         splat_ns: 25.0,
