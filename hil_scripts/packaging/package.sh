@@ -75,7 +75,7 @@ put_shared_files() {
         put 644 "$file" "$share/starloop/python/${file#hil_scripts/}"
     done
     put 755 hil_scripts/packaging/host_setup.sh "$share/starloop/host_setup.sh"
-    for file in INTERFACE.md FRAMES.md vectors.json dbc/starloop.dbc dbc/readdress.py c/starloop_protocol.c c/starloop_protocol.h c/example.c; do
+    for file in INTERFACE.md FRAMES.md vectors.json dbc/starloop.dbc dbc/readdress.py c/starloop_protocol.c c/starloop_protocol.h c/example.c c/serial_flight.c; do
         put 644 "firmware_protocol/$file" "$share/starloop/firmware_protocol/$file"
     done
 }

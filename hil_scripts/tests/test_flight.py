@@ -177,7 +177,7 @@ def column(q):
     return [row[0] for row in flight_computer.matrix(q)]
 
 
-class Flights(unittest.TestCase):
+class Flights(InAFolder):
     def check(self, status, said):
         self.assertEqual(status, 0, said)
         self.assertIn("(the same file)", said)
@@ -240,6 +240,23 @@ class Flights(unittest.TestCase):
             with Stimulator("serial.toml", f"link.port={relay.paths[0]}") as starloop:
                 starloop.wait_for('bench "')
                 self.check(*fly("--serial", relay.paths[1]))
+        finally:
+            relay.close()
+
+    def test_a_serial_line_in_c(self):
+        kit, relay = ROOT / "firmware_protocol" / "c", Relay()
+        program = self.folder / "serial_flight"
+        warnings = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror"]
+        built = ran("cc", *warnings, "-o", program, kit / "serial_flight.c", kit / "starloop_protocol.c", "-lm")
+        self.assertEqual(built.returncode, 0, built.stderr)
+        try:
+            with Stimulator("serial.toml", f"link.port={relay.paths[0]}") as starloop:
+                starloop.wait_for('bench "')
+                done = ran(program, relay.paths[1], timeout=60)
+                self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+                self.assertRegex(done.stdout, r"^\d{2,} exposures reported, 0 packets refused")
+            alone = ran(program, relay.paths[1], timeout=60)
+            self.assertEqual((alone.returncode, alone.stdout), (1, ""), "control: nobody answers")
         finally:
             relay.close()
 
