@@ -130,7 +130,7 @@ impl Witness {
         let now_s = (now - self.assessment.zero).s();
         for fault in faults {
             let lasted_s = now_s.min(fault.until_s) - fault.from_s;
-            if lasted_s >= SHORTEST_FAULT_S {
+            if lasted_s >= SHORTEST_FAULT_S || fault.hits > 0 {
                 let (name, from_s) = (fault.name, fault.from_s);
                 let what = || format!("{name} from {from_s:.3} s: nothing was hit by it");
                 self.assessment.invariants.check(Invariant::FaultsHit, fault.hits > 0, what);
