@@ -2,7 +2,7 @@
 //!
 //! Positions are integer + fraction, so that f32 keeps 1e-8 px of the fraction wherever the star is. Stars are
 //! taken in chunks, each sorted by its own thread. A band reads the chunks in order: its trails come in source order, and
-//! its stars that are drawn once by rows ([`spots`](crate::render::spots)), whatever the number of threads.
+//! its stars that are drawn once by groups of rows ([`spots`](crate::render::spots)), whatever the number of threads.
 //!
 //! [`Band`] has the pixels of a band of rows, and adds vectors to them.
 
@@ -226,12 +226,14 @@ fn spot(px: [f64; 2], electrons: f64, kernel: u32) -> Spot {
     Spot { column, row, fraction, electrons: electrons as f32, kernel }
 }
 
-/// Returns a whole number within 2^31 as an integer: the planner keeps positions within a few detectors of the origin. An
-/// `as` cast saturates, which takes four times as many instructions.
+/// Returns a whole number within 2^30 as an integer; beyond, and of no number, one far off every detector: a target may
+/// lead there. An `as` cast takes four times as many instructions.
 #[inline(always)]
 fn whole_i32(whole: f64) -> i32 {
+    const FAR: f64 = 1_073_741_824.0;
     const INTEGER_MAGIC: f64 = 6_755_399_441_055_744.0; // 1.5 * 2^52
-    ((whole + INTEGER_MAGIC).to_bits() as u32).cast_signed()
+    // `max` and `min` take the number where the other one is none.
+    ((whole.max(-FAR).min(FAR) + INTEGER_MAGIC).to_bits() as u32).cast_signed()
 }
 
 /// One chunk's stars, in the shape `pulp` compiles once per vector level.
@@ -274,9 +276,8 @@ impl NullaryFnOnce for SortStars<'_, '_> {
                 let electrons = share * star.drawn_e;
                 match plan.lists[list].drawing {
                     Drawing::Nodes => {
-                        let half_px = groups[usize::from(places[list].is_kernel)].half_px();
                         let of_list = (list, electrons, places[list].table);
-                        sort_trail((plan, regions), star, of_list, half_px, rows, &mut chunk.trails);
+                        sort_trail((plan, regions), star, of_list, rows, &mut chunk.trails);
                     }
                     Drawing::Whole => chunk.whole.push(*star),
                     Drawing::Once | Drawing::Kernel(_) | Drawing::Blend(_) => {
@@ -292,7 +293,6 @@ fn sort_trail(
     (plan, regions): (&ExposurePlan, &Regions),
     star: &PlannedStar,
     (list, electrons, table): (usize, f64, u32),
-    half: i64,
     rows: usize,
     trails: &mut [Vec<Trail>],
 ) {
@@ -300,7 +300,7 @@ fn sort_trail(
     let origin_px = plan.origin_px(star, &track);
     // The path stays within its extent of the mean; one pixel for motion between the probes, one for rounding.
     #[allow(clippy::cast_possible_truncation, reason = "a path on a detector, px")]
-    let reach = half + plan.extent_px.ceil() as i64 + 2;
+    let reach = plan.half_px as i64 + plan.extent_px.ceil() as i64 + 2;
     #[allow(clippy::cast_possible_truncation, reason = "the planner keeps positions within a few detectors")]
     let [column, row] = star.mean_px.map(|px| px.round() as i64);
     if !regions.show(column - reach, row - reach, [2 * reach + 1; 2]) {
@@ -370,4 +370,19 @@ pub(super) fn add_clipped<const FUSED: bool>(
     target[lanes.clone()].copy_from_slice(pixels);
     add_lanes::<FUSED>(&mut target, values, gain);
     pixels.copy_from_slice(&target[lanes]);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn far_places_stay_off_the_detector() {
+        for px in [1e10, -1e10, 4_294_967_346.0, f64::INFINITY, f64::NEG_INFINITY, f64::NAN] {
+            assert!(whole_i32(px).unsigned_abs() > 1_000_000_000, "{px}");
+        }
+        for px in [-3, 0, 7, 100_000] {
+            assert_eq!(whole_i32(f64::from(px)), px, "control: near ones are themselves");
+        }
+    }
 }

@@ -4,7 +4,7 @@
 //! repeated plan gives the same bits whatever the number of threads, and parts of an image have the bits of the whole.
 //! A Gaussian is drawn analytically for every node: its shares across and down come from polynomials
 //! ([`weights`](crate::render::weights)) or the error function, then one multiply-add per row. Other PSFs and
-//! effective PSFs come from tables. Error: f32, < 2e-7 of the peak (Gaussian), `TABLE_ERROR` (tables); `tests/physics`.
+//! effective PSFs come from tables. Error: f32, < 3e-7 of the peak (Gaussian), `TABLE_ERROR` (tables); `tests/physics`.
 
 use crate::gpu::Electrons;
 use crate::render::bands::{BAND_ROWS, BLOCK, Bands, NO_KERNEL, NodeColumns, Trail};
@@ -113,13 +113,10 @@ impl Backend for Cpu {
 
 /// Makes the polynomials of a Gaussian where the latest ones are for another.
 fn set_weights(weights: &mut Option<Weights>, sigma_px: Option<f64>, half_px: usize) {
-    let Some(sigma_px) = sigma_px.filter(|sigma_px| *sigma_px >= weights::LEAST_SIGMA_PX) else {
-        *weights = None;
-        return;
-    };
-    if !weights.as_ref().is_some_and(|weights| weights.are_for(sigma_px, half_px)) {
-        *weights = Weights::new(sigma_px, half_px);
-    }
+    let made = weights.take();
+    *weights = sigma_px.and_then(|sigma_px| {
+        made.filter(|made| made.are_for(sigma_px, half_px)).or_else(|| Weights::new(sigma_px, half_px))
+    });
 }
 
 /// Inputs of drawing into the bands.
@@ -136,7 +133,7 @@ struct Draw<'a> {
     /// Grid points per pixel of all tables of a plan.
     oversampling: usize,
     profile: Profile,
-    /// In its place where the PSF is a Gaussian in their domain.
+    /// Polynomials instead of the profile, where the PSF is a Gaussian in their domain.
     weights: Option<&'a Weights>,
     /// 1 for lanes inside the footprint, else 0.
     mask: [f32; LANES],
@@ -160,7 +157,7 @@ impl WithSimd for DrawBand<'_> {
 impl DrawBand<'_> {
     #[inline(always)]
     fn draw<S: Simd, const FUSED: bool>(self, simd: S) {
-        let Self { draw, mut target, index, .. } = self;
+        let Self { draw, mut target, index } = self;
         target.pixels.fill(0.0);
         let mut splats = Splats::NONE;
         let [mut from_psf, mut from_kernels] = draw.bands.once(target.first_row, target.rows);

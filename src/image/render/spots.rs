@@ -43,11 +43,6 @@ impl Groups {
         Self { half_px: half_px as i32, above: above as i32, count: (rows + 2 * above).div_ceil(GROUP_ROWS) }
     }
 
-    /// Returns the half-height of a footprint, px.
-    pub(super) fn half_px(&self) -> i64 {
-        i64::from(self.half_px)
-    }
-
     /// Returns the group of a row; beyond the last group for a row from which nothing reaches the image.
     #[inline(always)]
     fn of_row(&self, row: i32) -> usize {
@@ -75,10 +70,10 @@ pub(super) struct Spots {
 }
 
 impl Spots {
-    /// Returns an empty list with memory for so many stars of an image of so many rows; memory that is never written is
-    /// never taken.
+    /// Returns an empty list with memory for so many stars, each in as many lists as may be, on an image of so many rows;
+    /// memory that is never written is never taken.
     pub(super) fn with_space(stars: usize, rows: usize) -> Self {
-        let ends = Vec::with_capacity(rows + GROUPS_BEYOND);
+        let ends = Vec::with_capacity(rows.div_ceil(GROUP_ROWS) + GROUPS_BEYOND);
         Self { taken: Vec::with_capacity(PARTS * stars), sorted: Vec::with_capacity(PARTS * stars), ends }
     }
 

@@ -5,7 +5,7 @@
 //!
 //! Domain: exact pixel integrals, sigma of [`LEAST_SIGMA_PX`] or more, footprints of a vector or less; elsewhere there is
 //! the error function ([`profile`](crate::render::profile)). Bound: [`CUT`] and the rounding of f32, together 1e-7 of the
-//! star's light in any pixel. Tests: below, at both sides of the domain's edge; `tests/physics` for images.
+//! star's light in any pixel of an axis. Tests: below, at both sides of the domain's edge; `tests/physics` for images.
 
 use crate::render::grid::LANES;
 use pulp::Simd;
@@ -13,7 +13,7 @@ use pulp::Simd;
 /// Largest part of a series that is left out.
 const CUT: f64 = 1e-8;
 /// Narrowest Gaussian: its polynomials have the degree [`MOST_DEGREE`].
-pub(super) const LEAST_SIGMA_PX: f64 = 0.25;
+const LEAST_SIGMA_PX: f64 = 0.25;
 const MOST_DEGREE: usize = 15;
 /// Terms of the series from which the polynomials are cut: those beyond are below 1e-16.
 const TERMS: usize = 32;
@@ -55,7 +55,7 @@ impl Weights {
         (self.sigma_px, self.half_px) == (sigma_px, half_px)
     }
 
-    /// Returns the shares of the pixels across and down, as the first vectors of each; `fraction` is the star's place
+    /// Returns the shares of the pixels across and down, in the first vectors of each array; `fraction` is the star's place
     /// within its own pixel, px.
     #[inline(always)]
     pub(super) fn of<S: Simd, const FUSED: bool>(&self, simd: S, fraction: [f32; 2]) -> [[S::f32s; LANES]; 2] {
@@ -81,7 +81,7 @@ pub(super) fn mul_add<S: Simd, const FUSED: bool>(simd: S, a: S::f32s, b: S::f32
 /// Returns the cosines of a series: of each term at each node, whose own are those of term 1.
 fn cosines() -> [[f64; TERMS]; TERMS] {
     let angle = |node: usize| core::f64::consts::PI * (node as f64 + 0.5) / TERMS as f64;
-    core::array::from_fn(|term| core::array::from_fn(|node| (term as f64 * angle(node)).cos()))
+    core::array::from_fn(|term| core::array::from_fn(|node| libm::cos(term as f64 * angle(node))))
 }
 
 /// Returns the Chebyshev series of the share of the pixel `offset` px from the star's own, over `2 f`.

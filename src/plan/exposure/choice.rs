@@ -20,7 +20,7 @@ use rayon::prelude::*;
 
 /// Rounding of single-precision drawing, px.
 const F32_CENTROID_PX: f64 = 5e-6;
-/// Flux bias of the single-precision error function.
+/// Flux bias of single-precision shares of light.
 const F32_FLUX: f64 = 1e-6;
 /// Rounding of one addition in single precision. The error of sums over nodes grows as the root of their number, and
 /// slightly more, because neighbouring nodes have similar rounding (measured 1.1e-7 with 32,768 nodes; doubled).

@@ -180,7 +180,7 @@ impl NullaryFnOnce for PlaceBlocks<'_, '_> {
                 lanes[k].add(is_seen[k], electrons[k], margins.from_e);
             }
             for (k, source) in sources.iter().enumerate() {
-                // Without a branch: what is not seen is overwritten by the next one.
+                // Without a branch: what is not seen is overwritten by the next one, or cut off.
                 let Some(slot) = stars.get_mut(*seen) else { continue };
                 let place = StarPlace { mid_px: [places.mid_px[0][k], places.mid_px[1][k]], tangent: tangent(k) };
                 *slot = star_at(source, electrons[k], place, [places.mean_px[0][k], places.mean_px[1][k]]);

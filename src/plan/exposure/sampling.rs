@@ -16,7 +16,7 @@ pub const TABLE_ERROR: f64 = 3e-5;
 pub const PRODUCTS_ERROR: f64 = 1e-6;
 /// Single-precision rounding of a table and of a star drawn from it.
 const TABLE_ROUNDING: SamplingError = SamplingError { centroid_px: 1e-5, peak: 3e-6 };
-/// Widest footprint of a Gaussian drawn from error functions instead of a table, px (the CPU backend's vectors).
+/// Widest footprint of a Gaussian drawn from its formula instead of a table, px (the CPU backend's vectors).
 pub const ANALYTIC_HALF_PX: usize = 7;
 /// Largest oversampling of a table.
 pub const MOST_OVERSAMPLING: usize = 32;

@@ -16,7 +16,7 @@ use crate::exposure::{motion::Instrument, sampling::PRODUCTS_ERROR};
 use crate::{optics::PsfModel, optics::psf::LARGEST_HALF_PX};
 
 /// Error of a pixel in the wings of a star, relative to the star's peak: single-precision error functions near 1
-/// (measured 1e-7 to 3e-7 on the CPU, up to 7e-7 on a GPU).
+/// (measured up to 7e-7 on a GPU).
 const F32_WING: f64 = 5e-7;
 /// Share by which the limit is lower, so that rounding does not put a star at the limit over the budget.
 const LIMIT_MARGIN: f64 = 1e-9;
