@@ -232,8 +232,9 @@ fn spot(px: [f64; 2], electrons: f64, kernel: u32) -> Spot {
 fn whole_i32(whole: f64) -> i32 {
     const FAR: f64 = 1_073_741_824.0;
     const INTEGER_MAGIC: f64 = 6_755_399_441_055_744.0; // 1.5 * 2^52
-    // `max` and `min` take the number where the other one is none.
-    ((whole.max(-FAR).min(FAR) + INTEGER_MAGIC).to_bits() as u32).cast_signed()
+    #[allow(clippy::manual_clamp, reason = "of no number, `clamp` makes none; `max` takes the other one")]
+    let within = whole.max(-FAR).min(FAR);
+    ((within + INTEGER_MAGIC).to_bits() as u32).cast_signed()
 }
 
 /// One chunk's stars, in the shape `pulp` compiles once per vector level.

@@ -3,7 +3,7 @@
 //! The image is cut into bands of rows; a band is cleared and drawn by one thread, its stars in one order, so a
 //! repeated plan gives the same bits whatever the number of threads, and parts of an image have the bits of the whole.
 //! A Gaussian is drawn analytically for every node: its shares across and down come from polynomials
-//! ([`weights`](crate::render::weights)) or the error function, then one multiply-add per row. Other PSFs and
+//! (`render::weights`) or the error function, then one multiply-add per row. Other PSFs and
 //! effective PSFs come from tables. Error: f32, < 3e-7 of the peak (Gaussian), `TABLE_ERROR` (tables); `tests/physics`.
 
 use crate::gpu::Electrons;
