@@ -256,7 +256,7 @@ class Flights(InAFolder):
                 self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
                 self.assertRegex(done.stdout, r"^\d{2,} exposures reported, 0 packets refused")
             alone = ran(program, relay.paths[1], timeout=60)
-            self.assertEqual((alone.returncode, alone.stdout), (1, ""), "control: there is no stimulator")
+            self.assertEqual((alone.returncode, alone.stdout), (1, ""), "control: without a stimulator")
         finally:
             relay.close()
 
