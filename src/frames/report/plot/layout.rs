@@ -134,8 +134,9 @@ pub fn pareto_front(points: &[[f64; 2]]) -> Vec<usize> {
 /// Okabe and Ito's palette on white, without yellow and with a darker purple: blue, vermilion, green, purple, orange,
 /// sky, black.
 const COLOURS: [&str; 7] = ["#0072b2", "#d55e00", "#009e73", "#aa4499", "#e69f00", "#56b4e9", "#333333"];
-/// About the place of the mark: disc, square, triangle, diamond, triangle down, cross, bar.
-const SHAPES: [&str; 7] = [
+/// About the place of the mark: disc, square, triangle, diamond, triangle down, cross, bar, saltire. One more than there are
+/// colours, so that a group that has another one's colour has another shape.
+const SHAPES: [&str; 8] = [
     "M-4.5 0a4.5 4.5 0 1 0 9 0a4.5 4.5 0 1 0 -9 0z",
     "M-4 -4h8v8h-8z",
     "M0 -5.2l5 9h-10z",
@@ -143,6 +144,7 @@ const SHAPES: [&str; 7] = [
     "M0 5.2l5 -9h-10z",
     "M-1.6 -5h3.2v3.4h3.4v3.2h-3.4v3.4h-3.2v-3.4h-3.4v-3.2h3.4z",
     "M-5.5 -2h11v4h-11z",
+    "M-5 -3l2 -2l3 3l3 -3l2 2l-3 3l3 3l-2 2l-3 -3l-3 3l-2 -2l3 -3z",
 ];
 
 /// Colour of a group; the eighth begins again.
