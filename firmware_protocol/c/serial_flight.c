@@ -3,11 +3,13 @@
  *   gcc -std=c99 -o serial_flight serial_flight.c starloop_protocol.c -lm
  *   ./serial_flight /dev/ttyUSB1                    921600 bit/s, 8N1: as link.bit_rate
  *
- * On a board, replace what is above `static uint32_t now_us`: opening, reading and writing the line, and the clock. */
+ * On a board, replace open_line, now_us, wait_until, and the calls of read, write and tcdrain. */
 #define _DEFAULT_SOURCE
+#include <errno.h>
 #include <fcntl.h>
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <termios.h>
 #include <time.h>
 #include <unistd.h>
@@ -44,14 +46,17 @@ static void wait_until(uint32_t at_us) {
 
 static uint8_t packets;
 
-static int send_message(const sl_message *message) {
+static void send_message(const sl_message *message) {
     uint8_t bytes[SL_SERIAL_MAX];
     int sent = 0, count = sl_serial_encode(&packets, message, bytes);
     while (sent < count) {
         ssize_t written = write(line, bytes + sent, (size_t)(count - sent));
         if (written > 0) sent += (int)written;
+        if (written < 0 && errno != EAGAIN) {
+            perror("serial line");
+            exit(1);
+        }
     }
-    return count;
 }
 
 static sl_serial_decoder decoder;

@@ -85,7 +85,8 @@ def ratios(rows):
 
 def markdown(rows, facts):
     """The tables, with notes on blank cells, and what they were measured with. Bounds and other vector levels are in the second one."""
-    notes, names = [], [name for name in programs(rows) if name == OURS or not name.startswith((OURS, *BOUNDS))]
+    notes, elsewhere = [], {*BOUNDS, *levels(rows)} - {OURS}
+    names = [name for name in programs(rows) if name not in elsewhere]
     by = {(row.scene, row.program): row for row in rows}
     lines = [f"Machine: {facts['machine']}. Peers: {facts['peers']}.", f"Threads: {facts['threads']}.", ""]
     lines += table(["scene", *names], [[scene, *(cell(by[scene, name], notes) for name in names)] for scene in scenes(rows)])

@@ -7,7 +7,7 @@
 //! [`Band`] has the pixels of a band of rows, and adds vectors to them.
 
 use crate::render::grid::LANES;
-use crate::render::spots::{BandSpots, Groups, Once, Spot, Spots};
+use crate::render::spots::{BandSpots, Groups, Spot, Spots};
 use base::{fused::mul_add, region::Regions, vector_level::vector_level};
 use plan::exposure::pose::{POSE, PathNode};
 use plan::exposure::track::StarTrack;
@@ -45,9 +45,10 @@ pub(super) struct Trail {
     pub(super) from_principal_px: [f32; 2],
 }
 
-/// The trails of one chunk by band, and the stars that are drawn whole.
-#[derive(Debug, Default)]
+/// The stars of one chunk: those that are drawn once, from the PSF and from kernels, trails by band, and whole ones.
+#[derive(Debug)]
 struct Chunk {
+    once: [Spots; 2],
     trails: Vec<Vec<Trail>>,
     whole: Vec<PlannedStar>,
 }
@@ -77,8 +78,8 @@ pub(super) struct Bands {
     bands: usize,
     chunks: Vec<Chunk>,
     used: usize,
-    /// Stars that are drawn once from the PSF, and those from kernels.
-    once: [Once; 2],
+    /// Of footprints of the PSF, and of those of kernels.
+    groups: [Groups; 2],
     pub(super) nodes: Vec<NodeColumns>,
     places: Vec<ListPlace>,
 }
@@ -89,15 +90,12 @@ pub(super) const BLOCK: usize = 16;
 impl Bands {
     pub(super) fn new(rows: usize) -> Self {
         let bands = rows.div_ceil(BAND_ROWS);
-        let chunks = (0..CHUNKS_RESERVED).map(|_| chunk(bands)).collect();
+        let chunks = (0..CHUNKS_RESERVED).map(|_| chunk(rows, bands)).collect();
         let columns =
             || NodeColumns { values: Vec::with_capacity((POSE + 1) * NODES_RESERVED), ..NodeColumns::default() };
         let nodes = core::iter::repeat_with(columns).take(LISTS_RESERVED).collect();
-        let once = [(); 2].map(|()| Once {
-            groups: Groups::default(),
-            chunks: (0..CHUNKS_RESERVED).map(|_| Spots::with_space(CHUNK, rows)).collect(),
-        });
-        Self { rows, bands, chunks, used: 0, once, nodes, places: Vec::with_capacity(PLACES_RESERVED) }
+        let (groups, places) = ([Groups::default(); 2], Vec::with_capacity(PLACES_RESERVED));
+        Self { rows, bands, chunks, used: 0, groups, nodes, places }
     }
 
     /// Sorts a plan; paths that do not reach `regions` are left out. `half_px`: half-height of the footprints of the PSF and
@@ -121,41 +119,32 @@ impl Bands {
         self.used = plan.stars.len().div_ceil(length);
         let (bands, rows, arch) = (self.bands, self.rows, vector_level());
         if self.chunks.len() < self.used {
-            self.chunks.resize_with(self.used, || chunk(bands));
+            self.chunks.resize_with(self.used, || chunk(rows, bands));
         }
-        for (once, half_px) in self.once.iter_mut().zip(half_px) {
-            once.groups = Groups::new(rows, half_px);
-            if once.chunks.len() < self.used {
-                once.chunks.resize_with(self.used, || Spots::with_space(CHUNK, rows));
-            }
-        }
-        let [psf, kernels] = &mut self.once;
-        let (groups, places) = ([psf.groups, kernels.groups], self.places.as_slice());
-        let fill = |(((chunk, psf), kernels), stars): (((&mut Chunk, &mut Spots), &mut Spots), &[PlannedStar])| {
+        self.groups = half_px.map(|half_px| Groups::new(rows, half_px));
+        let (groups, places) = (self.groups, self.places.as_slice());
+        let fill = |(chunk, stars): (&mut Chunk, &[PlannedStar])| {
             chunk.whole.clear();
             chunk.trails.iter_mut().for_each(Vec::clear);
-            let mut once = [psf, kernels];
-            once.iter_mut().zip(groups).for_each(|(once, groups)| once.clear(groups));
-            arch.dispatch(SortStars { plan, regions, stars, places, rows, groups, once: &mut once, chunk });
-            for (once, groups) in once.into_iter().zip(groups) {
-                once.sort(groups);
-            }
+            chunk.once.iter_mut().zip(groups).for_each(|(once, groups)| once.clear(groups));
+            arch.dispatch(SortStars { plan, regions, stars, places, rows, chunk });
+            chunk.once.iter_mut().for_each(Spots::sort);
             chunk.trails.iter_mut().for_each(reserve);
         };
-        let used = ..self.used;
         if self.used == 1 {
-            let chunks = self.chunks.iter_mut().zip(&mut psf.chunks).zip(&mut kernels.chunks);
-            chunks.zip(plan.stars.chunks(length)).for_each(fill);
+            self.chunks.iter_mut().zip(plan.stars.chunks(length)).for_each(fill);
         } else {
-            let chunks = self.chunks[used].par_iter_mut().zip(&mut psf.chunks[used]).zip(&mut kernels.chunks[used]);
-            chunks.zip(plan.stars.par_chunks(length)).for_each(fill);
+            self.chunks[..self.used].par_iter_mut().zip(plan.stars.par_chunks(length)).for_each(fill);
         }
     }
 
     /// Stars that are drawn once and reach so many rows from `first`: from the PSF, and from kernels.
     #[inline(always)]
-    pub(super) fn once(&self, first: i32, rows: i32) -> [BandSpots<'_>; 2] {
-        [0, 1].map(|kind| self.once[kind].of_band(self.used, first, rows))
+    pub(super) fn once(&self, first: i32, rows: i32) -> [impl Iterator<Item = &Spot>; 2] {
+        let chunks = self.chunks[..self.used].iter();
+        [0, 1].map(|kind| {
+            BandSpots::new(chunks.clone().map(move |chunk| &chunk.once[kind]), self.groups[kind], first, rows)
+        })
     }
 
     /// Trails of band `band`, in source order.
@@ -203,11 +192,12 @@ impl NodeColumns {
     }
 }
 
-/// Returns the empty bands of one chunk; memory that is never written is never taken.
-fn chunk(bands: usize) -> Chunk {
+/// Returns an empty chunk for an image of so many rows; memory that is never written is never taken.
+fn chunk(rows: usize, bands: usize) -> Chunk {
     let space = (SPACE * CHUNK).div_ceil(bands.max(1)).min(CHUNK);
     let trails = (0..bands).map(|_| Vec::with_capacity(space)).collect();
-    Chunk { trails, whole: Vec::with_capacity(WHOLE_RESERVED) }
+    let once = [(); 2].map(|()| Spots::with_space(CHUNK, rows));
+    Chunk { once, trails, whole: Vec::with_capacity(WHOLE_RESERVED) }
 }
 
 /// Reserves capacity for all stars of a chunk before a slowly changing field needs it.
@@ -238,39 +228,27 @@ fn whole_i32(whole: f64) -> i32 {
 }
 
 /// One chunk's stars, in the shape `pulp` compiles once per vector level.
-struct SortStars<'a, 'b> {
+struct SortStars<'a> {
     plan: &'a ExposurePlan,
     regions: &'a Regions,
     stars: &'a [PlannedStar],
     places: &'a [ListPlace],
     rows: usize,
-    groups: [Groups; 2],
-    once: &'a mut [&'b mut Spots; 2],
     chunk: &'a mut Chunk,
 }
 
-impl NullaryFnOnce for SortStars<'_, '_> {
+impl NullaryFnOnce for SortStars<'_> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
-        let Self { plan, regions, stars, places, rows, groups, once, chunk } = self;
-        if let [place] = *places
-            && place.is_spot
-        {
-            let kind = usize::from(place.is_kernel);
-            let (spots, groups) = (&mut *once[kind], groups[kind]);
-            for star in stars {
-                spots.push(groups, spot(star.mean_px, star.drawn_e, place.table));
-            }
-            return;
-        }
-        let mut push = |place: ListPlace, mean_px: [f64; 2], electrons: f64| {
-            let kind = usize::from(place.is_kernel);
-            once[kind].push(groups[kind], spot(mean_px, electrons, place.table));
+        let Self { plan, regions, stars, places, rows, chunk } = self;
+        let Chunk { once, trails, whole } = chunk;
+        let mut push = |place: &ListPlace, mean_px: [f64; 2], electrons: f64| {
+            once[usize::from(place.is_kernel)].push(spot(mean_px, electrons, place.table));
         };
         for star in stars {
             if let Some(place) = places.get(star.list as usize).filter(|place| place.is_spot) {
-                push(*place, star.mean_px, star.drawn_e);
+                push(place, star.mean_px, star.drawn_e);
                 continue;
             }
             for (list, share) in plan.parts(star) {
@@ -278,11 +256,11 @@ impl NullaryFnOnce for SortStars<'_, '_> {
                 match plan.lists[list].drawing {
                     Drawing::Nodes => {
                         let of_list = (list, electrons, places[list].table);
-                        sort_trail((plan, regions), star, of_list, rows, &mut chunk.trails);
+                        sort_trail((plan, regions), star, of_list, rows, trails);
                     }
-                    Drawing::Whole => chunk.whole.push(*star),
+                    Drawing::Whole => whole.push(*star),
                     Drawing::Once | Drawing::Kernel(_) | Drawing::Blend(_) => {
-                        push(places[list], star.mean_px, electrons);
+                        push(&places[list], star.mean_px, electrons);
                     }
                 }
             }

@@ -9,7 +9,7 @@
 use crate::gpu::Electrons;
 use crate::render::bands::{BAND_ROWS, BLOCK, Bands, NO_KERNEL, NodeColumns, Trail};
 use crate::render::bands::{Band, add_clipped};
-use crate::render::spots::{BandSpots, Spot};
+use crate::render::spots::Spot;
 use crate::render::stamp::{Stamped, stamp};
 use crate::render::table::{Form, PsfTable};
 use crate::render::weights::{self, Weights};
@@ -205,7 +205,7 @@ impl Splats {
 
     /// Replaces the splats by the next block of stars; returns false when none is left.
     #[inline(always)]
-    fn take(&mut self, spots: &mut BandSpots<'_>) -> bool {
+    fn take<'a>(&mut self, spots: &mut impl Iterator<Item = &'a Spot>) -> bool {
         self.count = 0;
         for (k, spot) in spots.take(BLOCK).enumerate() {
             self.column[k] = spot.column;

@@ -61,6 +61,7 @@ impl Groups {
 /// The stars of one chunk.
 #[derive(Debug, Default)]
 pub(super) struct Spots {
+    groups: Groups,
     /// In source order.
     taken: Vec<Spot>,
     /// Group by group.
@@ -74,11 +75,13 @@ impl Spots {
     /// memory that is never written is never taken.
     pub(super) fn with_space(stars: usize, rows: usize) -> Self {
         let ends = Vec::with_capacity(rows.div_ceil(GROUP_ROWS) + GROUPS_BEYOND);
-        Self { taken: Vec::with_capacity(PARTS * stars), sorted: Vec::with_capacity(PARTS * stars), ends }
+        let stars = || Vec::with_capacity(PARTS * stars);
+        Self { groups: Groups::default(), taken: stars(), sorted: stars(), ends }
     }
 
     /// Removes all stars, for those of these groups.
     pub(super) fn clear(&mut self, groups: Groups) {
+        self.groups = groups;
         self.taken.clear();
         self.ends.clear();
         self.ends.resize(groups.count, 0);
@@ -86,17 +89,17 @@ impl Spots {
 
     /// Adds a star, if it reaches the image.
     #[inline(always)]
-    pub(super) fn push(&mut self, groups: Groups, spot: Spot) {
+    pub(super) fn push(&mut self, spot: Spot) {
         // The number in the group, until the stars are sorted.
-        if let Some(count) = self.ends.get_mut(groups.of_row(spot.row)) {
+        if let Some(count) = self.ends.get_mut(self.groups.of_row(spot.row)) {
             *count += 1;
             self.taken.push(spot);
         }
     }
 
     /// Sorts the stars by group.
-    pub(super) fn sort(&mut self, groups: Groups) {
-        let Self { taken, sorted, ends } = self;
+    pub(super) fn sort(&mut self) {
+        let Self { groups, taken, sorted, ends } = self;
         let mut next = 0;
         for end in &mut *ends {
             (*end, next) = (next, next + *end);
@@ -118,37 +121,29 @@ impl Spots {
     }
 }
 
-/// The stars of a plan whose footprints are equally high.
-#[derive(Debug, Default)]
-pub(super) struct Once {
-    pub(super) groups: Groups,
-    /// Chunk by chunk.
-    pub(super) chunks: Vec<Spots>,
-}
-
-impl Once {
-    /// Returns the stars of the first `used` chunks that reach so many rows of the image from `first`.
-    #[inline(always)]
-    pub(super) fn of_band(&self, used: usize, first: i32, rows: i32) -> BandSpots<'_> {
-        let (reaching, groups) = self.groups.of_band(first, rows);
-        BandSpots { chunks: &self.chunks[..used], reaching, groups, next: 0, spots: [].iter() }
-    }
-}
-
 /// The stars that reach a band.
 #[derive(Debug)]
-pub(super) struct BandSpots<'a> {
-    chunks: &'a [Spots],
+pub(super) struct BandSpots<'a, C> {
+    /// The chunks of all stars.
+    chunks: C,
+    /// Chunks whose stars of the first of `groups` are still to come.
+    left: C,
     /// Rows of stars that reach the band.
     reaching: Range<i32>,
-    /// The group that is taken, and those that follow.
     groups: Range<usize>,
-    /// The next chunk.
-    next: usize,
     spots: core::slice::Iter<'a, Spot>,
 }
 
-impl<'a> Iterator for BandSpots<'a> {
+impl<'a, C: Iterator<Item = &'a Spots> + Clone> BandSpots<'a, C> {
+    /// Returns the stars of chunks with these groups that reach so many rows of the image from `first`.
+    #[inline(always)]
+    pub(super) fn new(chunks: C, groups: Groups, first: i32, rows: i32) -> Self {
+        let (reaching, groups) = groups.of_band(first, rows);
+        Self { left: chunks.clone(), chunks, reaching, groups, spots: [].iter() }
+    }
+}
+
+impl<'a, C: Iterator<Item = &'a Spots> + Clone> Iterator for BandSpots<'a, C> {
     type Item = &'a Spot;
 
     #[inline(always)]
@@ -162,11 +157,11 @@ impl<'a> Iterator for BandSpots<'a> {
             if self.groups.is_empty() {
                 return None;
             }
-            if let Some(chunk) = self.chunks.get(self.next) {
+            if let Some(chunk) = self.left.next() {
                 self.spots = chunk.of_group(self.groups.start).iter();
-                self.next += 1;
             } else {
-                (self.next, self.groups.start) = (0, self.groups.start + 1);
+                self.left = self.chunks.clone();
+                self.groups.start += 1;
             }
         }
     }
@@ -180,19 +175,23 @@ mod tests {
         Spot { column: 0, row, fraction: [0.0; 2], electrons: 0.0, kernel: number }
     }
 
-    /// Stars all over an image of 150 rows and beyond it, in chunks of `length`, and as they are.
-    fn once(length: usize, half_px: usize) -> (Once, Vec<Spot>) {
-        let all: Vec<_> = (0..500_u32).map(|i| at((i * 131 % 191).cast_signed() - 20, i)).collect();
+    /// Returns stars all over an image of 150 rows and beyond it.
+    fn stars() -> Vec<Spot> {
+        (0..500_u32).map(|i| at((i * 131 % 191).cast_signed() - 20, i)).collect()
+    }
+
+    /// Returns the numbers of those that reach a band, taken in chunks of `length`.
+    fn found(length: usize, half_px: usize, first: i32, rows: i32) -> Vec<u32> {
         let groups = Groups::new(150, half_px);
-        let mut once = Once { groups, chunks: Vec::new() };
-        for part in all.chunks(length) {
+        let chunk = |part: &[Spot]| {
             let mut spots = Spots::default();
             spots.clear(groups);
-            part.iter().for_each(|spot| spots.push(groups, *spot));
-            spots.sort(groups);
-            once.chunks.push(spots);
-        }
-        (once, all)
+            part.iter().for_each(|spot| spots.push(*spot));
+            spots.sort();
+            spots
+        };
+        let chunks: Vec<_> = stars().chunks(length).map(chunk).collect();
+        BandSpots::new(chunks.iter(), groups, first, rows).map(|spot| spot.kernel).collect()
     }
 
     #[test]
@@ -200,20 +199,15 @@ mod tests {
         for half_px in [0, 1, 4, 7, 9] {
             let half = i32::try_from(half_px).unwrap();
             for (first, rows) in [(0, 64), (64, 64), (128, 22)] {
-                let of = |length: usize| {
-                    let (once, all) = once(length, half_px);
-                    let found: Vec<_> = once.of_band(once.chunks.len(), first, rows).map(|spot| spot.kernel).collect();
-                    (found, all)
-                };
-                let (found, all) = of(500);
+                let (all, found_whole) = (stars(), found(500, half_px, first, rows));
                 let reaches = |spot: &&Spot| spot.row + half >= first && spot.row - half < first + rows;
                 let wanted: Vec<_> = all.iter().filter(reaches).map(|spot| spot.kernel).collect();
-                let mut sorted = found.clone();
+                let mut sorted = found_whole.clone();
                 sorted.sort_unstable();
                 assert_eq!(sorted, wanted, "half {half_px}, from row {first}");
                 assert!(wanted.len() < all.len() / 2 + 20, "control: others do not");
                 for length in [1, 7, 100, 499] {
-                    assert_eq!(of(length).0, found, "chunks of {length}");
+                    assert_eq!(found(length, half_px, first, rows), found_whole, "chunks of {length}");
                 }
             }
         }
@@ -221,10 +215,10 @@ mod tests {
 
     #[test]
     fn stars_come_by_rows_then_in_source_order() {
-        let (once, all) = once(100, 4);
-        let found: Vec<_> = once.of_band(once.chunks.len(), 0, 150).collect();
-        let key = |spot: &&Spot| (once.groups.of_row(spot.row), spot.kernel);
+        let (all, groups) = (stars(), Groups::new(150, 4));
+        let found = found(100, 4, 0, 150);
+        let key = |number: &u32| (groups.of_row(all[*number as usize].row), *number);
         assert!(found.is_sorted_by_key(key));
-        assert!(!all.iter().collect::<Vec<_>>().is_sorted_by_key(key), "control: they were not");
+        assert!(!(0..500).collect::<Vec<_>>().is_sorted_by_key(key), "control: they were not");
     }
 }

@@ -111,12 +111,8 @@ fn push_field(plan: &mut ExposurePlan, field: &PsfField, camera: &CameraGeometry
 /// Returns whether stars that do not move have what [`give`] gives them since they were placed: the first list, which is
 /// the only one, and their electrons on the detector.
 pub fn are_given(plan: &ExposurePlan) -> bool {
-    let is_once = |list: &NodeList| list.drawing == Drawing::Once;
-    let is_only_once = plan.lists.len() == 1 && plan.lists.iter().all(is_once);
-    is_only_once
-        && plan.whole.from_e == f64::INFINITY
-        && plan.degradation == Degradation::Full
-        && plan.psf.as_field().is_none()
+    let is_only_once = matches!(plan.lists[..], [NodeList { drawing: Drawing::Once, .. }]);
+    is_only_once && plan.whole.from_e == f64::INFINITY && plan.degradation == Degradation::Full
 }
 
 /// Assigns every star its list, and its electrons on the detector.
@@ -136,9 +132,9 @@ pub fn give(plan: &mut ExposurePlan, share: &Share, buffers: &Buffers) {
         share.on_detector(star, camera, nodes, extent_px)
     };
     for_each_star(stars, |star| {
-        let list = if let Some(only) = only { only } else { list_of(star) };
+        let list = only.unwrap_or_else(|| list_of(star));
         let clear = clear.as_ref().and_then(|clear| clear.light_at(star.mean_px));
-        let light = if let Some(light) = clear { light } else { light_near_edge(star, list) };
+        let light = clear.unwrap_or_else(|| light_near_edge(star, list));
         (star.list, star.electrons_on_detector) = (list, star.drawn_e * light);
         if star.electrons >= *whole_from_e {
             star.electrons_on_detector *= share.whole_gain(star);

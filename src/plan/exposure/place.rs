@@ -183,10 +183,8 @@ impl NullaryFnOnce for PlaceBlocks<'_, '_> {
                 // Without a branch: what is not seen is overwritten by the next one, or cut off.
                 let Some(slot) = stars.get_mut(*seen) else { continue };
                 let place = StarPlace { mid_px: [places.mid_px[0][k], places.mid_px[1][k]], tangent: tangent(k) };
-                *slot = star_at(source, electrons[k], place, [places.mean_px[0][k], places.mean_px[1][k]]);
-                if let Some(still) = lit.still {
-                    slot.electrons_on_detector = electrons[k] * still.at(slot.mean_px);
-                }
+                let mean_px = [places.mean_px[0][k], places.mean_px[1][k]];
+                *slot = star_at(source, electrons[k], place, mean_px, lit.still);
                 *seen += usize::from(is_seen[k]);
             }
         }
@@ -196,8 +194,16 @@ impl NullaryFnOnce for PlaceBlocks<'_, '_> {
 
 /// Returns the star of a visible source.
 #[inline(always)]
-fn star_at(source: &Source, electrons: f64, place: StarPlace, mean_px: [f64; 2]) -> PlannedStar {
-    PlannedStar { id: source.id, mag: source.mag, electrons, drawn_e: electrons, place, mean_px, ..EMPTY }
+fn star_at(
+    source: &Source,
+    electrons: f64,
+    place: StarPlace,
+    mean_px: [f64; 2],
+    still: Option<Still<'_>>,
+) -> PlannedStar {
+    let electrons_on_detector = still.map_or(0.0, |still| electrons * still.at(mean_px));
+    let Source { id, mag, .. } = *source;
+    PlannedStar { id, mag, electrons, drawn_e: electrons, electrons_on_detector, place, mean_px, ..EMPTY }
 }
 
 /// A place for a star that is not there yet.
@@ -224,12 +230,10 @@ fn place_one(source: &Source, lit: Lit<'_>, los: &LosPath, means: &MeanField, ma
     let seen = |mean_px: [f64; 2]| {
         let electrons = source.electrons * lit.illumination.at(place.tangent);
         let is_seen = margins.see(outside_px(mean_px, last_px), electrons);
-        is_seen.then(|| star_at(source, electrons, place, mean_px))
+        is_seen.then(|| star_at(source, electrons, place, mean_px, lit.still))
     };
     if means.is_still() {
-        let star = seen(place.mid_px)?;
-        let light = lit.still.map_or(0.0, |still| still.at(star.mean_px));
-        return Some(PlannedStar { electrons_on_detector: star.electrons * light, ..star });
+        return seen(place.mid_px);
     }
     let track = StarTrack::new(camera, place);
     let [dx, dy] = means.displacement_px(&track);

@@ -49,13 +49,16 @@ impl Share {
 
     /// Returns where no edge takes light of a star whose path reaches `extent_px`; `None` for a field of PSFs.
     pub fn clear_of_edges(&self, extent_px: f64) -> Option<Clear> {
-        self.nodes.first().filter(|_| self.field.is_none()).map(|node| node.clear_of_edges(extent_px))
+        self.only_node().map(|node| node.clear_of_edges(extent_px))
     }
 
     /// Returns the shares of stars that do not move; `None` for a field of PSFs.
     pub fn of_still(&self) -> Option<Still<'_>> {
-        let node = self.nodes.first().filter(|_| self.field.is_none())?;
-        Some(Still { clear: node.clear_of_edges(0.0), node })
+        self.only_node().map(|node| Still { clear: node.clear_of_edges(0.0), node })
+    }
+
+    fn only_node(&self) -> Option<&NodeShare> {
+        self.nodes.first().filter(|_| self.field.is_none())
     }
 
     /// Returns the share of `star`'s electrons on the detector.
@@ -104,10 +107,8 @@ impl Still<'_> {
     /// Returns the share of the light of a star at `px` that lands on the detector.
     #[inline]
     pub fn at(&self, px: [f64; 2]) -> f64 {
-        match self.clear.light_at(px) {
-            Some(light) => light,
-            None => self.node.footprint * (self.node.along(0, px[0]) * self.node.along(1, px[1])),
-        }
+        let near_edge = || self.node.footprint * (self.node.along(0, px[0]) * self.node.along(1, px[1]));
+        self.clear.light_at(px).unwrap_or_else(near_edge)
     }
 }
 

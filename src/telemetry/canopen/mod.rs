@@ -5,8 +5,9 @@
 //! tracker (0x4000, 0x4002). Little-endian, classic frames, 11-bit identifiers of the predefined connection set. PDO1:
 //! state, known, stars, milliseconds of the UTC day at mid-exposure; PDO2: real part, i; PDO3: j, k (f32); PDO4: rates
 //! in arcsec/s (i16), frame. With OreSat's map PDO3 to PDO5 have state, known, milliseconds; real part, i; j, k. PDOs go
-//! out with each report (type 254 or 255) or with every n-th SYNC (1 to 240), while the node is operational. EMCY FF01 reports that the attitude was lost, 0000 that it is known again. The dictionary
-//! is in [`dictionary`], and writes its EDS file.
+//! out with each report (type 254 or 255) or with every n-th SYNC (1 to 240), while the node is operational. EMCY FF01
+//! reports that the attitude was lost, 0000 that it is known again. The dictionary is in [`dictionary`], and writes its
+//! EDS file.
 //!
 //! Left out: other segmented SDO, block SDO, RPDO, time stamp, node guarding, LSS, changes of mappings and of identifiers.
 //!
