@@ -1,7 +1,7 @@
 """Loops in C beside the peers: from peers_loop import LOOPS
 
 `CLoop` draws every star at every position and plans nothing; its noise is one Gaussian per pixel. `Avx2` and `Avx512` are the bound
-of images without motion, by hand for one vector level each. The tables show how near starloop is to them.
+of images without motion and of their noise, by hand for one vector level each. The tables show how near starloop is to them.
 """
 
 import ctypes
@@ -17,6 +17,7 @@ from peers import Cannot, patterns, reach_px
 
 SOURCE = pathlib.Path(__file__).with_name("peers_loop.c")
 BOUND = pathlib.Path(__file__).with_name("peers_bound.c")
+BOUND_NOISE = pathlib.Path(__file__).with_name("peers_bound_noise.c")
 LANES = 16
 """Pixels that the loop adds at a time: no star may be wider."""
 COMMON = ["-O3", "-ffast-math", "-fopenmp", "-shared", "-fPIC"]
@@ -73,16 +74,21 @@ class CLoop:
         return draw
 
     def noise(self, scene):
-        prnu, dsnu = (np.ascontiguousarray(one, np.float32) for one in patterns(scene))
-        size, out = scene.size_px, np.zeros(prnu.shape, np.uint16)
-        numbers = [ctypes.c_float(v) for v in (scene.dark_e, scene.read_noise_e, scene.gain_e_per_dn, scene.black_dn)]
+        return noise_of(self.library.add_noise, scene)
 
-        def add(mean):
-            stride = mean.strides[0] // mean.itemsize
-            self.library.add_noise(pointer(mean), size, stride, pointer(prnu), pointer(dsnu), *numbers, ctypes.c_uint32(1), pointer(out))
-            return out
 
-        return add
+def noise_of(function, scene):
+    """The noise of a loop: a mean image in, digital numbers out."""
+    prnu, dsnu = (np.ascontiguousarray(one, np.float32) for one in patterns(scene))
+    size, out = scene.size_px, np.zeros(prnu.shape, np.uint16)
+    numbers = [ctypes.c_float(v) for v in (scene.dark_e, scene.read_noise_e, scene.gain_e_per_dn, scene.black_dn)]
+
+    def add(mean):
+        stride = mean.strides[0] // mean.itemsize
+        function(pointer(mean), size, stride, pointer(prnu), pointer(dsnu), *numbers, ctypes.c_uint32(1), pointer(out))
+        return out
+
+    return add
 
 
 class Bound:
@@ -95,13 +101,14 @@ class Bound:
             raise Cannot("the bound is for x86-64")
         with tempfile.TemporaryDirectory() as folder:
             self.library = build(folder, source=BOUND, given=COMMON)
-        if not self.library.has_level(self.level):
-            raise Cannot(f"this processor lacks {self.name}")
+            if not self.library.has_level(self.level):
+                raise Cannot(f"this processor lacks {self.name}")
+            self.detector = build(folder, source=BOUND_NOISE, given=[*COMMON, f"-march=x86-64-v{self.level}"])
         self.threads = len(os.sched_getaffinity(0))
 
     def prepare(self, scene):
-        if len(scene.path) > 1 or scene.noise:
-            raise Cannot("the bound is of images without motion and noise")
+        if len(scene.path) > 1:
+            raise Cannot("the bound is of images without motion")
         image, size = image_of(scene), scene.size_px
         columns = [np.ascontiguousarray(v, np.float64) for v in (scene.x + scene.path[0, 0], scene.y + scene.path[0, 1], scene.electrons)]
         x, y, electrons = map(pointer, columns)
@@ -113,6 +120,12 @@ class Bound:
             return image[:, :size]
 
         return draw
+
+    def noise(self, scene):
+        block = 2 * self.detector.lanes()
+        if scene.size_px % block:
+            raise Cannot(f"the bound makes {block} pixels at a time")
+        return noise_of(self.detector.bound_noise, scene)
 
 
 class Avx2(Bound):

@@ -107,6 +107,16 @@ class Checks(unittest.TestCase):
             for one in still:
                 drawn, of_numpy = bound.prepare(one)(), peers.Numpy().prepare(one)()
                 self.assertLess(peers_contest.l1(drawn, of_numpy), 1e-5, f"{kind.name}, {one.name}")
+            dark = peers_contest.made_up(20, 256, 1)
+            drawn, of_numpy = bound.prepare(dark)(), peers.Numpy().prepare(dark)()
+            for dark_e in (3.0, 19.0, 50.0):
+                lit = dataclasses.replace(dark, dark_e=dark_e)
+                numbers = bound.noise(lit)(drawn)
+                self.assertEqual(peers_contest.noise_differs(numbers, of_numpy, lit), "", f"{kind.name}, {dark_e} e-")
+                darker = dataclasses.replace(lit, dark_e=dark_e - 1.0)
+                self.assertNotEqual(peers_contest.noise_differs(numbers, of_numpy, darker), "", "control")
+            with self.assertRaisesRegex(peers.Cannot, "pixels at a time"):
+                bound.noise(still[0])
             with self.assertRaisesRegex(peers.Cannot, "without motion"):
                 bound.prepare(self.scene)
         self.assertEqual(peers_contest.noise_differs(loop.noise(scene)(image), wanted, scene), "")
