@@ -1,7 +1,7 @@
 /* The least that a detector costs pixel by pixel: built by peers_loop.py, once for AVX2 and once for AVX-512.
 
    One Philox-4x32-10 block for two pixels, counted electrons by inversion below 20 and by Cornish-Fisher above, read noise by Box and
-   Muller, and one store. Everything stays in registers from the first word to the digital number, there are no other effects, and
+   Muller, and one store. Everything stays in registers from the first word to the digital number, other effects are left out, and
    nothing asks whether one is on. The random words are in another order than in starloop, so the bits differ; the laws are the same. */
 
 #include <immintrin.h>

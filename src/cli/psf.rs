@@ -1,6 +1,6 @@
 //! `starloop psf`: a camera's star -> MTF of every link, widths, energies, what a star's colour changes; plots.
 
-use crate::cli::{lines::Lines, named::named_camera, report_json::print_json};
+use crate::cli::{facts::Facts, named::named_camera};
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use config::{Camera, Chain, LightOfChain, Psf};
@@ -10,6 +10,7 @@ use plan::optics::chain_psf::{ChainPsf, Drawing};
 use plan::optics::{Band, PsfForm, PsfGrid, PsfModel, energy};
 use plan::optics::{chain_light::ChainLight, energy::Centring, mtf::MtfChain};
 use run::wiring::camera_parts::camera_params;
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 /// Share of the light whose circle is printed.
@@ -72,11 +73,11 @@ pub fn run(arguments: &PsfArgs) -> Result<()> {
     if let Some(place) = &arguments.place {
         star.move_to(place)?;
     }
-    if arguments.json {
-        print_json("psf", facts(&star, &arguments.at))?;
-    } else {
-        print!("{}", report(&star, &arguments.at)?);
+    let mut facts = facts(&star, &arguments.at);
+    if !arguments.json {
+        colors(&mut facts, &star)?;
     }
+    facts.print("psf", arguments.json)?;
     if let Some(path) = &arguments.plot {
         for (path, svg) in files(&star, path) {
             write_file_atomically(&path, |out| std::io::Write::write_all(out, svg.as_bytes()))
@@ -89,84 +90,60 @@ pub fn run(arguments: &PsfArgs) -> Result<()> {
     Ok(())
 }
 
-fn report(star: &Star, shares: &[f64]) -> Result<String> {
-    let mut lines = Lines::new("", 12);
-    head(&mut lines, star);
-    lines.line("");
-    if let Some((chain, _)) = &star.chain {
-        mtf_table(&mut lines, star, chain, shares);
-        lines.line("");
+fn facts(star: &Star, shares: &[f64]) -> Facts {
+    let mut facts = Facts::new("", 12);
+    head(&mut facts, star);
+    facts.line("");
+    facts.value("chain", Value::Null);
+    if let Some((chain, drawn)) = &star.chain {
+        mtf_table(&mut facts, star, chain, shares);
+        facts.line("");
+        facts.value("chain", mtf_values(chain, drawn, shares));
     }
-    energies(&mut lines, star);
-    concentration(&mut lines, star);
-    if let (Some((chain, drawn)), Some(band)) = (&star.chain, &star.camera.band) {
-        lines.line("");
-        colors(&mut lines, chain, drawn, band)?;
-    }
-    Ok(lines.text)
+    energies(&mut facts, star);
+    concentration(&mut facts, star);
+    facts
 }
 
-/// Returns the report as JSON.
-fn facts(star: &Star, shares: &[f64]) -> serde_json::Value {
-    let (psf, optics) = (&star.psf, &star.camera.optics);
-    let chain = star.chain.as_ref().map(|(chain, drawn)| {
-        let at = |of: &dyn Fn(f64) -> f64| shares.iter().map(|share| of(share * NYQUIST)).collect::<Vec<f64>>();
-        let terms: Vec<_> = chain
-            .terms()
-            .map(|term| {
-                let mtf = at(&|f| chain.term(term, term.axis().map(|axis| axis * f)));
-                serde_json::json!({ "name": term.name(), "mtf": mtf })
-            })
-            .collect();
-        serde_json::json!({
-            "shares_of_nyquist": shares, "terms": terms, "product_along_rows": at(&|f| chain.product([f, 0.0])),
-            "product_along_columns": at(&|f| chain.product([0.0, f])), "cutoff_cycles_per_px": chain.cutoff(),
-            "mean_wavelength_nm": chain.mean_wavelength_nm(), "drawing_error": drawn.between + drawn.folded,
-        })
+/// Returns the table of the chain for programs.
+fn mtf_values(chain: &MtfChain, drawn: &ChainPsf, shares: &[f64]) -> Value {
+    let at = |of: &dyn Fn(f64) -> f64| shares.iter().map(|share| of(share * NYQUIST)).collect::<Vec<f64>>();
+    let terms = chain.terms().map(|term| {
+        let mtf = at(&|f| chain.term(term, term.axis().map(|axis| axis * f)));
+        json!({ "name": term.name(), "mtf": mtf })
     });
-    let encircled = RADII_PX.map(|radius_px| {
-        serde_json::json!({ "radius_px": radius_px, "share": energy::seen_encircled_energy(psf, radius_px) })
-    });
-    let ensquared = [3, 5, 7]
-        .map(|side_px| serde_json::json!({ "side_px": side_px, "share": energy::ensquared_energy(psf, side_px) }));
-    serde_json::json!({
-        "camera": star.camera.name,
-        "f_number": optics.focal_length_mm / optics.aperture_mm,
-        "fwhm_px": energy::seen_fwhm_px(psf),
-        "radius_of_90_percent_px": energy::seen_radius_px(psf, HELD, LARGEST_RADIUS_PX),
-        "encircled_energy": encircled,
-        "ensquared_energy": ensquared,
-        "energy_on_detector_centred": energy::energy_on_detector(psf, Centring::Centre),
-        "energy_on_detector_on_a_corner": energy::energy_on_detector(psf, Centring::Corner),
-        "chain": chain,
+    json!({
+        "shares_of_nyquist": shares, "terms": terms.collect::<Vec<_>>(),
+        "product_along_rows": at(&|f| chain.product([f, 0.0])), "product_along_columns": at(&|f| chain.product([0.0, f])),
+        "cutoff_cycles_per_px": chain.cutoff(), "mean_wavelength_nm": chain.mean_wavelength_nm(),
+        "drawing_error": drawn.between + drawn.folded,
     })
 }
 
-fn head(lines: &mut Lines, star: &Star) {
+fn head(facts: &mut Facts, star: &Star) {
     let (camera, optics) = (&star.camera, &star.camera.optics);
-    let pitch_um = camera.detector.pixel_pitch_um;
-    lines.named("camera").line(format_args!(
-        "\"{}\": f = {} mm, f/{:.2}, obscuration {}, {pitch_um} um pixels",
-        camera.name,
-        optics.focal_length_mm,
-        optics.focal_length_mm / optics.aperture_mm,
-        optics.obscuration
+    let (pitch_um, f_number) = (camera.detector.pixel_pitch_um, optics.focal_length_mm / optics.aperture_mm);
+    facts.named("camera").line(format_args!(
+        "\"{}\": f = {} mm, f/{f_number:.2}, obscuration {}, {pitch_um} um pixels",
+        camera.name, optics.focal_length_mm, optics.obscuration
     ));
+    facts.value("camera", camera.name.as_str());
+    facts.value("f_number", f_number);
     let Some((chain, drawn)) = &star.chain else {
-        return lines.fact("star", model_text(&camera.psf));
+        return facts.fact("star", model_text(&camera.psf));
     };
     let light = if let Psf::Chain(chain) = &camera.psf { Some(chain.light) } else { None };
     match (light, chain.params().band.as_slice()) {
-        (Some(LightOfChain::Color(bp_rp)), band @ [first, .., last]) => lines.named("light").line(format_args!(
+        (Some(LightOfChain::Color(bp_rp)), band @ [first, .., last]) => facts.named("light").line(format_args!(
             "the band for a star of BP-RP = {bp_rp}: {} wavelengths from {:.0} to {:.0} nm, mean {:.0} nm",
             band.len(),
             first.wavelength_nm,
             last.wavelength_nm,
             chain.mean_wavelength_nm()
         )),
-        _ => lines.fact("light", format_args!("{:.0} nm", chain.mean_wavelength_nm())),
+        _ => facts.fact("light", format_args!("{:.0} nm", chain.mean_wavelength_nm())),
     }
-    lines.named("star").line(format_args!(
+    facts.named("star").line(format_args!(
         "chain, drawn with {} samples per pixel to {} px; no pixel errs by more than {:.1e} of the flux",
         drawn.grid.oversampling(),
         drawn.grid.half_px(),
@@ -184,12 +161,12 @@ fn model_text(psf: &Psf) -> String {
     }
 }
 
-fn mtf_table(lines: &mut Lines, star: &Star, chain: &MtfChain, shares: &[f64]) {
+fn mtf_table(facts: &mut Facts, star: &Star, chain: &MtfChain, shares: &[f64]) {
     let heads: String = shares.iter().map(|share| format!("{share:>9}")).collect();
-    lines.line(format_args!("{:<24}{heads}", "MTF at shares of Nyquist"));
+    facts.line(format_args!("{:<24}{heads}", "MTF at shares of Nyquist"));
     let mut row = |name: &str, of: &dyn Fn(f64) -> f64| {
         let values: String = shares.iter().map(|share| format!("{:>9.5}", of(share * NYQUIST) + 0.0)).collect();
-        lines.line(format_args!("  {name:<22}{values}"));
+        facts.line(format_args!("  {name:<22}{values}"));
     };
     for term in chain.terms() {
         row(term.name(), &|f| chain.term(term, term.axis().map(|axis| axis * f)));
@@ -201,10 +178,10 @@ fn mtf_table(lines: &mut Lines, star: &Star, chain: &MtfChain, shares: &[f64]) {
         row("product", &|f| chain.product([f, 0.0]));
         row("product, 45 deg", &|f| chain.product([f * core::f64::consts::FRAC_1_SQRT_2; 2]));
     }
-    lines.line(format_args!("  nothing passes beyond {:.2} cycles/px", chain.cutoff()));
+    facts.line(format_args!("  nothing passes beyond {:.2} cycles/px", chain.cutoff()));
 }
 
-fn energies(lines: &mut Lines, star: &Star) {
+fn energies(facts: &mut Facts, star: &Star) {
     let psf = &star.psf;
     let chain = star.chain.as_ref().map(|(chain, _)| ChainLight::of(chain));
     // Samples of what pixels see say nothing of the light before.
@@ -214,27 +191,36 @@ fn energies(lines: &mut Lines, star: &Star) {
         (None, PsfForm::Grid(_) | PsfForm::Field(_)) => "-".into(),
         _ => format!("{:.4}", of_model(psf)),
     };
-    lines.line(format_args!("{:<32}{:>18}{:>20}", "star on a pixel's centre", "before the pixel", "as pixels see it"));
+    facts.line(format_args!("{:<32}{:>18}{:>20}", "star on a pixel's centre", "before the pixel", "as pixels see it"));
     let before = light(&energy::fwhm_px, &|chain| chain.fwhm_px());
-    lines.line(format_args!("  {:<30}{before:>18}{:>20.4}", "FWHM, px", energy::seen_fwhm_px(psf)));
+    let fwhm_px = energy::seen_fwhm_px(psf);
+    facts.line(format_args!("  {:<30}{before:>18}{fwhm_px:>20.4}", "FWHM, px"));
+    facts.value("fwhm_px", fwhm_px);
     for radius_px in RADII_PX {
         let before = light(&|psf| energy::encircled_energy(psf, radius_px), &|chain| chain.encircled_energy(radius_px));
         let seen = energy::seen_encircled_energy(psf, radius_px);
-        lines.line(format_args!("  {:<30}{before:>18}{seen:>20.4}", format!("encircled energy, {radius_px} px")));
+        facts.line(format_args!("  {:<30}{before:>18}{seen:>20.4}", format!("encircled energy, {radius_px} px")));
+        facts.element("encircled_energy", json!({ "radius_px": radius_px, "share": seen }));
     }
-    let radius = energy::seen_radius_px(psf, HELD, LARGEST_RADIUS_PX);
-    let radius = radius.map_or_else(|| format!("over {LARGEST_RADIUS_PX}"), |px| format!("{px:.4}"));
-    lines.line(format_args!("  {:<30}{:>18}{radius:>20}", format!("radius of {:.0} %, px", 100.0 * HELD), ""));
-    let mut share = |name: &str, share: f64| lines.line(format_args!("  {name:<48}{share:>20.4}"));
-    share("energy on detector (one pixel), centred", energy::energy_on_detector(psf, Centring::Centre));
-    share("energy on detector, star on a corner", energy::energy_on_detector(psf, Centring::Corner));
+    let radius_px = energy::seen_radius_px(psf, HELD, LARGEST_RADIUS_PX);
+    facts.value("radius_of_90_percent_px", json!(radius_px));
+    let radius = radius_px.map_or_else(|| format!("over {LARGEST_RADIUS_PX}"), |px| format!("{px:.4}"));
+    facts.line(format_args!("  {:<30}{:>18}{radius:>20}", format!("radius of {:.0} %, px", 100.0 * HELD), ""));
+    let row = |name: &str, share: f64| format!("  {name:<48}{share:>20.4}");
+    let [centre, corner] = [Centring::Centre, Centring::Corner].map(|at| energy::energy_on_detector(psf, at));
+    facts.line(row("energy on detector (one pixel), centred", centre));
+    facts.value("energy_on_detector_centred", centre);
+    facts.line(row("energy on detector, star on a corner", corner));
+    facts.value("energy_on_detector_on_a_corner", corner);
     for side_px in [3, 5, 7] {
-        share(&format!("ensquared energy, {side_px} x {side_px} px"), energy::ensquared_energy(psf, side_px));
+        let share = energy::ensquared_energy(psf, side_px);
+        facts.line(row(&format!("ensquared energy, {side_px} x {side_px} px"), share));
+        facts.element("ensquared_energy", json!({ "side_px": side_px, "share": share }));
     }
 }
 
 /// Returns the share within the square around the Airy disc at the longest wavelength.
-fn concentration(lines: &mut Lines, star: &Star) {
+fn concentration(facts: &mut Facts, star: &Star) {
     let lambda_n_px = match (&star.chain, &star.camera.psf) {
         (Some((chain, _)), _) => {
             let p = chain.params();
@@ -250,7 +236,7 @@ fn concentration(lines: &mut Lines, star: &Star) {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small positive number")]
     let side_px = (2.0 * (radius_px - 0.5).ceil().max(1.0)) as usize + 1;
     let share = energy::ensquared_energy(&star.psf, side_px.min(97));
-    lines.line(format_args!(
+    facts.line(format_args!(
         "energy concentration: {:.1} % within {side_px} x {side_px} px, the envelope of the Airy disc (radius \
          {radius_px:.2} px): {} the published 90 %",
         100.0 * share,
@@ -258,9 +244,11 @@ fn concentration(lines: &mut Lines, star: &Star) {
     ));
 }
 
-/// Writes how the star changes with colours other than the reference.
-fn colors(lines: &mut Lines, chain: &MtfChain, drawn: &ChainPsf, band: &Band) -> Result<()> {
-    lines.line(format_args!(
+/// Writes how the star of a chain over a band changes with colours other than the reference.
+fn colors(facts: &mut Facts, star: &Star) -> Result<()> {
+    let (Some((chain, drawn)), Some(band)) = (&star.chain, &star.camera.band) else { return Ok(()) };
+    facts.line("");
+    facts.line(format_args!(
         "{:<22}{:>10}{:>12}{:>14}{:>22}",
         "star colour", "mean nm", "seen FWHM", "EE 1 px", "largest difference"
     ));
@@ -276,7 +264,7 @@ fn colors(lines: &mut Lines, chain: &MtfChain, drawn: &ChainPsf, band: &Band) ->
         let psf = PsfModel::grid(ChainPsf::draw(&other, &same)?.grid);
         let difference = largest_difference(&psf, &reference);
         worst = worst.max(difference);
-        lines.line(format_args!(
+        facts.line(format_args!(
             "  {:<20}{:>10.0}{:>9.4} px{:>14.4}{difference:>13.1e} of flux",
             format!("{name}, BP-RP = {bp_rp}"),
             other.mean_wavelength_nm(),
@@ -289,7 +277,7 @@ fn colors(lines: &mut Lines, chain: &MtfChain, drawn: &ChainPsf, band: &Band) ->
     } else {
         "one PSF does not do for all stars: choose psf.bp_rp for those that matter"
     };
-    lines.line(format_args!("  {reported} (a pixel may err by {ONE_PSF:.0e} of the flux)"));
+    facts.line(format_args!("  {reported} (a pixel may err by {ONE_PSF:.0e} of the flux)"));
     Ok(())
 }
 
@@ -448,7 +436,10 @@ mod psf_tests {
     use std::path::Path;
 
     fn reported(name: &str) -> String {
-        report(&Star::new(named_camera(Some(Path::new(name))).unwrap(), None).unwrap(), &[0.0, 0.5, 1.0]).unwrap()
+        let star = Star::new(named_camera(Some(Path::new(name))).unwrap(), None).unwrap();
+        let mut facts = facts(&star, &[0.0, 0.5, 1.0]);
+        colors(&mut facts, &star).unwrap();
+        facts.text()
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! `starloop snr`: how bright a star must be for a camera to see it, and how bright it may be.
 
+use crate::cli::facts::Facts;
 use crate::cli::named::{drawn_mag, drawn_text, named_camera, radiometry_text};
-use crate::cli::{lines::Lines, report_json::print_json};
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use config::Camera;
@@ -10,6 +10,7 @@ use frames::sink::write_file_atomically;
 use plan::optics::{radiometry::mag_v, star_light::surface_brightness_e_per_s_px};
 use run::wiring::camera_parts::camera_params;
 use run::wiring::sensitivity::{Conditions, Sensitivity};
+use serde_json::json;
 use std::path::PathBuf;
 
 /// Ratios whose magnitudes are printed.
@@ -81,11 +82,7 @@ pub fn run(arguments: &SnrArgs) -> Result<()> {
     let sensitivity = Sensitivity::new(&params, &conditions(arguments, &camera)?);
     let limiting_mag = params.limiting_mag;
     let mags = magnitudes(arguments.mag_range.as_deref(), &sensitivity)?;
-    if arguments.json {
-        print_json("snr", facts(&camera, limiting_mag, &sensitivity, &mags))?;
-    } else {
-        print!("{}", report(&camera, limiting_mag, &sensitivity, &mags));
-    }
+    facts(&camera, limiting_mag, &sensitivity, &mags).print("snr", arguments.json)?;
     if let Some(path) = &arguments.plot {
         let svg = to_svg(&chart(&camera, &sensitivity, &mags));
         write_file_atomically(path, |out| std::io::Write::write_all(out, svg.as_bytes()))
@@ -162,19 +159,20 @@ fn parsed_range(text: &str) -> Result<(f64, f64, f64)> {
     Ok(range)
 }
 
-fn report(camera: &Camera, limiting_mag: f32, sensitivity: &Sensitivity, mags: &[f64]) -> String {
-    let mut lines = Lines::new("", 12);
-    head(&mut lines, camera, sensitivity);
-    lines.line(format_args!(
+fn facts(camera: &Camera, limiting_mag: f32, sensitivity: &Sensitivity, mags: &[f64]) -> Facts {
+    let mut facts = Facts::new("", 12);
+    head(&mut facts, camera, sensitivity);
+    facts.line(format_args!(
         "\n{:>7}{:>8}{:>12}{:>11}{:>9}{:>8}{:>8}{:>8}{:>8}{:>9}{:>9}{:>9}{:>8}",
         "G", "V", "signal e-", "peak e-", "shot", "dark", "sky", "read", "round", "SNR", "optimal", "PRNU", "DSNU"
     ));
     for &mag in mags {
         let t = sensitivity.terms(mag);
-        let full = t.peak_e + sensitivity.pixel.dark_e + sensitivity.pixel.background_e > sensitivity.full_e;
-        lines.line(format_args!(
-            "{mag:>7.2}{:>8.2}{:>12.1}{:>11.1}{:>9.1}{:>8.1}{:>8.1}{:>8.1}{:>8.1}{:>9.2}{:>9.2}{:>9.1}{:>8.1}{}",
-            mag_v(mag, sensitivity.bp_rp),
+        let (mag_v, bare_e) =
+            (mag_v(mag, sensitivity.bp_rp), sensitivity.pixel.dark_e + sensitivity.pixel.background_e);
+        let is_full = t.peak_e + bare_e > sensitivity.full_e;
+        facts.line(format_args!(
+            "{mag:>7.2}{mag_v:>8.2}{:>12.1}{:>11.1}{:>9.1}{:>8.1}{:>8.1}{:>8.1}{:>8.1}{:>9.2}{:>9.2}{:>9.1}{:>8.1}{}",
             t.signal_e,
             t.peak_e,
             t.shot_e,
@@ -186,36 +184,53 @@ fn report(camera: &Camera, limiting_mag: f32, sensitivity: &Sensitivity, mags: &
             t.snr_optimal,
             t.prnu_e,
             t.dsnu_e,
-            if full { "  saturated" } else { "" }
+            if is_full { "  saturated" } else { "" }
         ));
+        facts.element(
+            "rows",
+            json!({
+                "mag_g": mag, "mag_v": mag_v, "signal_e": t.signal_e, "peak_e": t.peak_e, "shot_e": t.shot_e,
+                "dark_e": t.dark_e, "background_e": t.background_e, "read_e": t.read_e, "rounding_e": t.rounding_e,
+                "snr": t.snr, "snr_optimal": t.snr_optimal, "prnu_e": t.prnu_e, "dsnu_e": t.dsnu_e,
+                "saturated": is_full,
+            }),
+        );
     }
-    lines.line("");
-    limits(&mut lines, sensitivity);
-    lines.line(format_args!("{}, as far as the catalog of a bench reaches", drawn_text(camera, limiting_mag)));
-    lines.text
+    facts.line("");
+    limits(&mut facts, sensitivity);
+    facts.line(format_args!("{}, as far as the catalog of a bench reaches", drawn_text(camera, limiting_mag)));
+    facts.value("drawn_to_mag_g", drawn_mag(camera, limiting_mag));
+    facts
 }
 
-fn head(lines: &mut Lines, camera: &Camera, sensitivity: &Sensitivity) {
+fn head(facts: &mut Facts, camera: &Camera, sensitivity: &Sensitivity) {
     let Sensitivity { window, pixel, exposure_s, bp_rp, .. } = sensitivity;
-    lines.named("camera").line(format_args!(
+    let zero_point_e_per_s = sensitivity.light.zero_point_e_per_s();
+    facts.value("camera", camera.name.as_str());
+    facts.value("exposure_s", *exposure_s);
+    facts.value("bp_rp", *bp_rp);
+    facts.value("zero_point_e_per_s", json!(zero_point_e_per_s));
+    facts.value("window_px", window.side_px);
+    facts.value("window_share", window.share());
+    facts.named("camera").line(format_args!(
         "\"{}\", exposure {exposure_s} s, {:.2} arcsec/px",
         camera.name,
         camera.ifov_arcsec()
     ));
-    lines.fact("radiometry", radiometry_text(camera));
-    if let Some(zero_point) = sensitivity.light.zero_point_e_per_s() {
+    facts.fact("radiometry", radiometry_text(camera));
+    if let Some(zero_point) = zero_point_e_per_s {
         let term = sensitivity.light.mag_instrument(0.0, *bp_rp);
-        lines
+        facts
             .named("zero point")
             .line(format_args!("{zero_point:.4e} e-/s at magnitude 0; stars of BP-RP = {bp_rp}: G{term:+.3}"));
     }
-    lines.named("window").line(format_args!(
+    facts.named("window").line(format_args!(
         "{0} x {0} px with {1:.4} of the light, {2:.4} in the brightest pixel",
         window.side_px,
         window.share(),
         window.peak()
     ));
-    lines.named("pixel").line(format_args!(
+    facts.named("pixel").line(format_args!(
         "{:.2} e- rms without a star: dark signal {:.3} e-, background {:.3} e-, read noise {} e- rms, one DN \
          = {:.3} e-",
         pixel.variance_e2().sqrt(),
@@ -226,54 +241,23 @@ fn head(lines: &mut Lines, camera: &Camera, sensitivity: &Sensitivity) {
     ));
 }
 
-fn limits(lines: &mut Lines, sensitivity: &Sensitivity) {
+fn limits(facts: &mut Facts, sensitivity: &Sensitivity) {
     let reported = |mag: Option<f64>| {
         mag.map_or_else(|| "none".into(), |mag| format!("G = {mag:.2} (V = {:.2})", mag_v(mag, sensitivity.bp_rp)))
     };
     for snr in LIMITS {
-        lines.line(format_args!(
-            "limiting magnitude at SNR {snr}: {}; with optimal weights {}",
-            reported(sensitivity.limiting_mag(snr)),
-            reported(sensitivity.limiting_mag_optimal(snr))
-        ));
+        let [mag, optimal] = [sensitivity.limiting_mag(snr), sensitivity.limiting_mag_optimal(snr)];
+        let [words, with_weights] = [reported(mag), reported(optimal)];
+        facts.line(format_args!("limiting magnitude at SNR {snr}: {words}; with optimal weights {with_weights}"));
+        facts.element("limits", json!({ "snr": snr, "mag_g": mag, "mag_g_optimal": optimal }));
     }
-    lines.line(format_args!(
-        "saturation magnitude: {}, where the brightest pixel holds {:.0} e-",
-        reported(sensitivity.saturation_mag()),
-        sensitivity.full_e
+    let (saturation, full_e) = (sensitivity.saturation_mag(), sensitivity.full_e);
+    facts.line(format_args!(
+        "saturation magnitude: {}, where the brightest pixel holds {full_e:.0} e-",
+        reported(saturation)
     ));
-}
-
-/// Returns the report as JSON.
-fn facts(camera: &Camera, limiting_mag: f32, sensitivity: &Sensitivity, mags: &[f64]) -> serde_json::Value {
-    let row = |mag: &f64| {
-        let t = sensitivity.terms(*mag);
-        let full = t.peak_e + sensitivity.pixel.dark_e + sensitivity.pixel.background_e > sensitivity.full_e;
-        serde_json::json!({
-            "mag_g": mag, "mag_v": mag_v(*mag, sensitivity.bp_rp), "signal_e": t.signal_e, "peak_e": t.peak_e,
-            "shot_e": t.shot_e, "dark_e": t.dark_e, "background_e": t.background_e, "read_e": t.read_e,
-            "rounding_e": t.rounding_e, "snr": t.snr, "snr_optimal": t.snr_optimal, "prnu_e": t.prnu_e,
-            "dsnu_e": t.dsnu_e, "saturated": full,
-        })
-    };
-    let limit = |snr: &f64| {
-        serde_json::json!({
-            "snr": snr, "mag_g": sensitivity.limiting_mag(*snr), "mag_g_optimal": sensitivity.limiting_mag_optimal(*snr),
-        })
-    };
-    serde_json::json!({
-        "camera": camera.name,
-        "exposure_s": sensitivity.exposure_s,
-        "bp_rp": sensitivity.bp_rp,
-        "zero_point_e_per_s": sensitivity.light.zero_point_e_per_s(),
-        "window_px": sensitivity.window.side_px,
-        "window_share": sensitivity.window.share(),
-        "drawn_to_mag_g": drawn_mag(camera, limiting_mag),
-        "limits": LIMITS.iter().map(limit).collect::<Vec<_>>(),
-        "saturation_mag_g": sensitivity.saturation_mag(),
-        "saturation_e": sensitivity.full_e,
-        "rows": mags.iter().map(row).collect::<Vec<_>>(),
-    })
+    facts.value("saturation_mag_g", json!(saturation));
+    facts.value("saturation_e", full_e);
 }
 
 fn chart(camera: &Camera, sensitivity: &Sensitivity, mags: &[f64]) -> Chart {
@@ -323,7 +307,7 @@ mod tests {
         let mags = magnitudes(None, &sensitivity).unwrap();
         assert!(mags[0] < sensitivity.saturation_mag().unwrap());
         assert!(mags[mags.len() - 1] > sensitivity.limiting_mag(3.0).unwrap() && mags.len() <= 20, "{mags:?}");
-        let text = report(&camera, 7.0, &sensitivity, &mags);
+        let text = facts(&camera, 7.0, &sensitivity, &mags).text();
         for word in
             ["zero point", "limiting magnitude at SNR 3: G = ", "SNR 5", "saturation magnitude: G = ", "saturated"]
         {
@@ -337,7 +321,7 @@ mod tests {
     fn the_two_published_cases_are_reproduced() {
         for (name, limit) in [("15", "limiting magnitude at SNR 3: G = 15.00"), ("22", "at SNR 3: G = 22.00")] {
             let (camera, sensitivity) = built_in(&format!("cameras/detection_limit_{name}mag.toml"));
-            let text = report(&camera, 7.0, &sensitivity, &magnitudes(None, &sensitivity).unwrap());
+            let text = facts(&camera, 7.0, &sensitivity, &magnitudes(None, &sensitivity).unwrap()).text();
             assert!(text.contains(limit), "{text}");
         }
     }

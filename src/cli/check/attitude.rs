@@ -7,7 +7,7 @@
 //! what the records carry; its jitter is never part of them, and is judged by how it travels. Left out: waiting for
 //! other messages on the bus (a record takes its own time on an idle wire).
 
-use crate::cli::lines::Lines;
+use crate::cli::facts::Facts;
 use base::time::Span;
 use base::units::{ARCSEC, DEG};
 use config::{Bench, JitterAxes, JitterFile, JitterInput, JitterSource};
@@ -43,7 +43,7 @@ struct Situation {
 }
 
 /// Writes the section about attitude.
-pub(super) fn write_attitude(facts: &mut Lines, bench: &Bench, params: &RunParams, motion: MotionScale) {
+pub(super) fn write_attitude(facts: &mut Facts, bench: &Bench, params: &RunParams, motion: MotionScale) {
     let situation = Situation::of(bench, params, motion);
     let Situation { motion, reach, .. } = &situation;
     let (total_rad, records_rad) = (bench.accuracy.los_arcsec * ARCSEC, record_error_rad(bench, &situation));
@@ -131,7 +131,7 @@ fn record_error_rad(bench: &Bench, situation: &Situation) -> f64 {
     WIRE_QUATERNION_RAD + errors.bound_rad(rate, DVec3::ZERO, situation.reach.horizon_s)
 }
 
-fn write_situation(facts: &mut Lines, situation: &Situation) {
+fn write_situation(facts: &mut Facts, situation: &Situation) {
     let Situation { motion, reach, record_period_s, arrival_s, wait_s } = situation;
     facts.line("attitude at mid-exposure");
     facts.named("samples").line(format_args!(
@@ -150,7 +150,7 @@ fn write_situation(facts: &mut Lines, situation: &Situation) {
 }
 
 /// Horizons beyond what the bench allows, which a run notes frame by frame.
-fn write_limits(facts: &mut Lines, bench: &Bench, situation: &Situation) {
+fn write_limits(facts: &mut Facts, bench: &Bench, situation: &Situation) {
     let (horizon_ms, limits) = (situation.reach.horizon_s * 1e3, &bench.attitude.estimate);
     if situation.reach.spacing_s.is_none() && horizon_ms > limits.stale_after.ms() {
         facts.warning(format_args!(
@@ -193,7 +193,7 @@ fn assessment_line(assessment: &AttitudeAssessment) -> String {
 }
 
 /// Returns the jitter by the way it travels, and what the methods would make of it if it were part of the records.
-fn write_scripted_jitter(facts: &mut Lines, bench: &Bench, situation: &Situation) {
+fn write_scripted_jitter(facts: &mut Facts, bench: &Bench, situation: &Situation) {
     let lines: Vec<Sinusoid> = bench.flight_computer.known_lines().map(|line| sinusoid(&line)).collect();
     if lines.is_empty() {
         return;
@@ -215,7 +215,7 @@ fn sinusoid(line: &plan::attitude::JitterLine) -> Sinusoid {
 
 /// Returns the straight lines between samples miss a sinusoid by `A (w dt)^2 / 8`, and by twice its amplitude at most;
 /// what has not arrived is held.
-fn write_sampled_jitter(facts: &mut Lines, bench: &Bench, situation: &Situation, lines: &[Sinusoid]) {
+fn write_sampled_jitter(facts: &mut Facts, bench: &Bench, situation: &Situation, lines: &[Sinusoid]) {
     let sample_s = jitter_sample_s(bench);
     let chord = |line: &Sinusoid| line.amplitude_rad * ((TAU * line.frequency_hz * sample_s).powi(2) / 8.0).min(2.0);
     let chords_rad: f64 = lines.iter().map(chord).sum();
@@ -241,7 +241,7 @@ const BURST_SAMPLES: u32 = 14;
 // `starloop check`, jitter from a file: its power in bands, and what it does to images.
 
 /// Writes the section about jitter from a file; nothing without any.
-pub(super) fn write_jitter(facts: &mut Lines, bench: &Bench, params: &RunParams) {
+pub(super) fn write_jitter(facts: &mut Facts, bench: &Bench, params: &RunParams) {
     let (Some(input), Some(recorded)) = (&bench.jitter, &params.attitude.jitter_record) else { return };
     write_source(facts, bench, input, &recorded.record);
     let (frame_hz, exposure_s) = (1.0 / params.frame_period.s(), params.camera.exposure_s);
@@ -268,7 +268,7 @@ pub(super) fn write_jitter(facts: &mut Lines, bench: &Bench, params: &RunParams)
     facts.line("");
 }
 
-fn write_source(facts: &mut Lines, bench: &Bench, input: &JitterInput, record: &JitterRecord) {
+fn write_source(facts: &mut Facts, bench: &Bench, input: &JitterInput, record: &JitterRecord) {
     let JitterInput { path, source, axes, start_s } = input;
     let (axes, rate_hz) = (if *axes == JitterAxes::Sensor { "sensor" } else { "body" }, 1.0 / record.period_s());
     facts.line(format_args!(
@@ -301,7 +301,7 @@ fn write_source(facts: &mut Lines, bench: &Bench, input: &JitterInput, record: &
     }
 }
 
-fn write_row(facts: &mut Lines, name: &str, power_rad2: DVec3) {
+fn write_row(facts: &mut Facts, name: &str, power_rad2: DVec3) {
     let [x, y, z] = root(power_rad2);
     facts.line(format_args!("  {name:<18} {x:>10.4}  {y:>10.4}  {z:>10.4}"));
 }
@@ -323,9 +323,9 @@ mod attitude_tests {
     fn report_drawn_ahead(bench: &Bench, ahead_ms: i64) -> String {
         let mut params = bench_parts::run_params(bench, Tai::from_ns(0)).unwrap();
         params.ahead = Span::from_ms(ahead_ms);
-        let mut facts = Lines::indented();
+        let mut facts = Facts::indented();
         write_attitude(&mut facts, bench, &params, script_scale(bench));
-        facts.text
+        facts.text()
     }
 
     fn line<'a>(text: &'a str, start: &str) -> &'a str {
@@ -398,9 +398,9 @@ mod jitter_tests {
         let document = Document::from_text(&format!("[jitter]\n{keys}"), &folder.path().join("lab.toml"));
         let bench = Bench::from_document(&document).unwrap();
         let params = bench_parts::run_params(&bench, Tai::from_ns(0)).unwrap();
-        let mut facts = Lines::indented();
+        let mut facts = Facts::indented();
         write_jitter(&mut facts, &bench, &params);
-        facts.text
+        facts.text()
     }
 
     fn numbers(text: &str, row: &str) -> Vec<f64> {

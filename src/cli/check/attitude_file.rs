@@ -3,7 +3,7 @@
 //!
 //! The error is what the file itself shows: every second row, interpolated from the others (`histories::attitude`).
 
-use crate::cli::lines::Lines;
+use crate::cli::facts::Facts;
 use base::time::{Span, Tai};
 use base::units::ARCSEC;
 use config::{Bench, FilePlant, Plant};
@@ -14,7 +14,7 @@ use run::runtime::RunParams;
 const MOST_FRAMES: u32 = 100_000;
 
 /// Writes the section about the attitudes of a file; nothing for another plant.
-pub(super) fn write_files(facts: &mut Lines, bench: &Bench, plant: &Plant, params: &RunParams) {
+pub(super) fn write_files(facts: &mut Facts, bench: &Bench, plant: &Plant, params: &RunParams) {
     let Plant::File(file) = plant else { return };
     let history = &file.history;
     let name = history.name.as_deref().map_or_else(String::new, |name| format!(" of {name}"));
@@ -70,7 +70,7 @@ fn span(history: &AttitudeHistory) -> String {
 }
 
 /// Warns of frames whose exposure is not wholly within the file.
-fn write_missing(facts: &mut Lines, file: &FilePlant, params: &RunParams) {
+fn write_missing(facts: &mut Facts, file: &FilePlant, params: &RunParams) {
     let profile = file.profile(params.first_exposure);
     let exposure = Span::from_s(params.camera.exposure_s);
     let is_missing = |number: &u32| {
@@ -128,9 +128,9 @@ mod tests {
         let text = format!("[plant]\nkind = \"file\"\nattitude = \"x.csv\"\n{outside}");
         let scenario = Scenario::from_document(&Document::from_text(&text, &folder.path().join("lab.toml"))).unwrap();
         let params = bench_parts::run_params(&scenario.bench, Tai::from_ns(0)).unwrap();
-        let mut facts = Lines::indented();
+        let mut facts = Facts::indented();
         write_files(&mut facts, &scenario.bench, &scenario.plant, &params);
-        facts.text
+        facts.text()
     }
 
     /// Rows `h` apart miss those between them by `a h^2 / 2`; the budget is that of the bench.

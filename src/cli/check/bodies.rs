@@ -2,7 +2,7 @@
 //!
 //! Where the observer is at the first exposure, how fast, and what that does to the stars.
 
-use crate::cli::lines::Lines;
+use crate::cli::facts::Facts;
 use anyhow::Result;
 use base::refused::Refused;
 use base::time::{Span, Tai};
@@ -23,7 +23,7 @@ use testbed::flight_computer::FlightComputer;
 const MOON_KM: f64 = 406_700.0;
 
 /// Writes place, speed, size of the aberration; a warning outside the years for which places are proven.
-pub(super) fn write_observer(facts: &mut Lines, params: &RunParams) -> Result<()> {
+pub(super) fn write_observer(facts: &mut Facts, params: &RunParams) -> Result<()> {
     let at = params.first_exposure;
     let track = ObserverTrack::new(params.observer.clone(), at);
     let vantage = Vantage::of(&track, at, params.light_deflection)?;
@@ -54,7 +54,7 @@ pub(super) fn write_observer(facts: &mut Lines, params: &RunParams) -> Result<()
 
 /// Writes what speaks against the observer's orbit at its first exposure: elements that are old, and a place or speed that
 /// few orbits about the Earth have.
-fn write_doubts(facts: &mut Lines, observer: &Observer, at: Tai) -> Result<()> {
+fn write_doubts(facts: &mut Facts, observer: &Observer, at: Tai) -> Result<()> {
     if let Observer::Tle(orbit) = observer {
         write_age(facts, "observer", orbit, at);
     }
@@ -80,7 +80,7 @@ fn write_doubts(facts: &mut Lines, observer: &Observer, at: Tai) -> Result<()> {
 }
 
 /// Warns of a file of states whose error between rows, as aberration, is over the accuracy of the run.
-fn write_error(facts: &mut Lines, params: &RunParams) {
+fn write_error(facts: &mut Facts, params: &RunParams) {
     let Observer::Table(history) = &params.observer else { return };
     let Some([_, km_s]) = history.interpolation_error() else { return };
     let (arcsec, most) = (km_s / SPEED_OF_LIGHT_KM_S / ARCSEC, params.budget.los_arcsec);
@@ -93,7 +93,7 @@ fn write_error(facts: &mut Lines, params: &RunParams) {
 }
 
 /// Writes a warning about elements that are older than they should be.
-pub(super) fn write_age(facts: &mut Lines, what: &str, orbit: &TleOrbit, at: Tai) {
+pub(super) fn write_age(facts: &mut Facts, what: &str, orbit: &TleOrbit, at: Tai) {
     let days = orbit.days_from_epoch(at);
     if days.abs() <= USUAL_DAYS {
         return;
@@ -170,7 +170,7 @@ struct Pass {
 }
 
 /// Writes the section about targets on the sky; nothing without any.
-pub(super) fn write_targets(facts: &mut Lines, params: &RunParams, computer: &FlightComputer) {
+pub(super) fn write_targets(facts: &mut Facts, params: &RunParams, computer: &FlightComputer) {
     if params.sky_targets.is_empty() {
         return;
     }
@@ -188,7 +188,7 @@ pub(super) fn write_targets(facts: &mut Lines, params: &RunParams, computer: &Fl
     facts.line("");
 }
 
-fn write_target(facts: &mut Lines, params: &RunParams, computer: &FlightComputer, targets: &SkyTargets, place: usize) {
+fn write_target(facts: &mut Facts, params: &RunParams, computer: &FlightComputer, targets: &SkyTargets, place: usize) {
     let name = name_of(&params.sky_targets[place].orbit);
     let mut lost = None;
     let (mut passes, mut nearest, mut open): (Vec<Pass>, Option<Moment>, bool) = (Vec::new(), None, false);
@@ -228,7 +228,7 @@ fn write_target(facts: &mut Lines, params: &RunParams, computer: &FlightComputer
 }
 
 /// Warns of an observer whose file of states errs by more than the accuracy of the run, seen from the target.
-fn write_observer_error(facts: &mut Lines, params: &RunParams, name: &str, passes: &[Pass]) {
+fn write_observer_error(facts: &mut Facts, params: &RunParams, name: &str, passes: &[Pass]) {
     let Observer::Table(history) = &params.observer else { return };
     let nearest_km = passes.iter().map(|pass| pass.nearest.facts.range_km).reduce(f64::min);
     let (Some([km, _]), Some(range_km)) = (history.interpolation_error(), nearest_km) else { return };
@@ -236,9 +236,9 @@ fn write_observer_error(facts: &mut Lines, params: &RunParams, name: &str, passe
     if arcsec <= most {
         return;
     }
-    facts.line(format_args!(
-        "  {name:<10}  WARNING the observer's places err by up to {km:.1e} km: {arcsec:.1e} arcsec at \
-         {range_km:.1} km, more than accuracy.los_arcsec = {most}"
+    facts.warning(format_args!(
+        "target {name}: the observer's places err by up to {km:.1e} km: {arcsec:.1e} arcsec at {range_km:.1} km, more \
+         than accuracy.los_arcsec = {most}"
     ));
 }
 
@@ -294,7 +294,7 @@ fn is_in_field(params: &RunParams, computer: &FlightComputer, moment: &Moment) -
     is_there && px.is_some_and(|[x, y]| inside(x, camera.width_px()) && inside(y, camera.height_px()))
 }
 
-fn write_moment(facts: &mut Lines, params: &RunParams, begin: &str, moment: &Moment) {
+fn write_moment(facts: &mut Facts, params: &RunParams, begin: &str, moment: &Moment) {
     let Moment { facts: target, off_axis_rad, rate_px_s, number } = moment;
     let light = if target.clearance_km < 0.0 { "behind the Earth" } else { Sunlight::of_share(target.sunlight).name() };
     facts.line(format_args!(
@@ -324,7 +324,7 @@ const NEAR_DEG: f64 = 10.0;
 
 /// Bodies of one planned frame; nothing when none is near.
 pub(super) fn write_frame_bodies(
-    facts: &mut Lines,
+    facts: &mut Facts,
     bodies: &SkyBodies,
     camera: &CameraParams,
     plan: &ExposurePlan,
@@ -409,9 +409,9 @@ mod tests {
     }
 
     fn doubts(observer: &Observer, at: Tai) -> String {
-        let mut facts = Lines::indented();
+        let mut facts = Facts::indented();
         write_doubts(&mut facts, observer, at).unwrap();
-        facts.text
+        facts.text()
     }
 
     /// Rows on a circular orbit about the Earth, 6 minutes at least, so many seconds apart.
@@ -436,9 +436,9 @@ mod tests {
         let bench = config::Bench::from_document(&document).unwrap();
         let params =
             run::wiring::bench_parts::run_params(&bench, Tai::from_rfc3339("2026-03-01T00:00:00Z").unwrap()).unwrap();
-        let mut facts = Lines::indented();
+        let mut facts = Facts::indented();
         write_error(&mut facts, &params);
-        facts.text
+        facts.text()
     }
 
     #[test]

@@ -7,7 +7,7 @@
 //! are seen: stars of the Sun's colour at SNR 3, without motion. Frames of a calibrated display are
 //! drawn in steps of its luminance, without a tracker's noise: of them only their stars are counted.
 
-use crate::cli::lines::Lines;
+use crate::cli::facts::Facts;
 use anyhow::Result;
 use config::{Bench, Camera, Plant, Radiometry};
 use core::{f64::consts::TAU, ops::RangeInclusive};
@@ -45,7 +45,7 @@ impl Sight {
     }
 
     /// Writes down to which magnitude the camera sees, and warns of stars that it would see and the frames lack.
-    pub(super) fn write(&self, facts: &mut Lines, bench: &Bench, params: &RunParams, sky: &Sky) {
+    pub(super) fn write(&self, facts: &mut Facts, bench: &Bench, params: &RunParams, sky: &Sky) {
         let [_, faintest] = sky.layers.magnitudes().map(f64::from);
         let drawn = f64::from(params.camera.limiting_mag);
         if let Some(sensitivity) = &self.sensitivity {
@@ -76,7 +76,7 @@ impl Sight {
     }
 
     /// Warns of a planned frame in which no star is, or none that the camera sees.
-    pub(super) fn write_frame(&self, facts: &mut Lines, number: u32, plan: &ExposurePlan) {
+    pub(super) fn write_frame(&self, facts: &mut Facts, number: u32, plan: &ExposurePlan) {
         if !self.is_planned {
             return;
         }
@@ -123,7 +123,7 @@ pub(crate) fn left_out(radiometry: &Radiometry, [drawn, faintest, seen]: [f64; 3
 }
 
 /// Warns of a field that has no star in most directions, where the directions of the run are not known.
-fn write_mean_stars(facts: &mut Lines, bench: &Bench, sky: &Sky) {
+fn write_mean_stars(facts: &mut Facts, bench: &Bench, sky: &Sky) {
     let stars: u64 = sky.layers.layers().map(StarIndex::stars).sum();
     let [width, height] = bench.camera.fov_deg().map(|side_deg| (0.5 * side_deg).to_radians());
     // The solid angle of a rectangular pyramid.
@@ -185,7 +185,7 @@ fn f_number(camera: &Camera) -> f64 {
 }
 
 /// Writes a warning for each number of a head's camera that no real camera has.
-pub(super) fn write_cameras(facts: &mut Lines, bench: &Bench) {
+pub(super) fn write_cameras(facts: &mut Facts, bench: &Bench) {
     let mut cameras = vec![&bench.camera];
     for head in &bench.extra_heads {
         if !cameras.contains(&&head.camera) {
@@ -215,7 +215,7 @@ const SUN_ANGLES_DEG: [f64; 5] = [20.0, 30.0, 45.0, 60.0, 85.0];
 
 /// Returns the illumination at the corners, constant background, and stray light against the Sun's angle; nothing when
 /// all is off.
-pub(super) fn write_light(facts: &mut Lines, camera: &CameraParams) {
+pub(super) fn write_light(facts: &mut Facts, camera: &CameraParams) {
     let exposure_s = camera.exposure_s;
     if !camera.illumination.is_even() {
         let corners = corners_px(camera);
@@ -263,7 +263,7 @@ pub(super) fn write_light(facts: &mut Lines, camera: &CameraParams) {
 
 /// Returns the background of one planned frame; nothing when there is none.
 pub(super) fn write_frame_light(
-    facts: &mut Lines,
+    facts: &mut Facts,
     light: &FieldLight,
     camera: &CameraParams,
     plan: &ExposurePlan,
@@ -321,9 +321,9 @@ mod camera_tests {
     fn warned(change: impl Fn(&mut Camera)) -> String {
         let mut bench = Bench::built_in().unwrap();
         change(&mut bench.camera);
-        let mut facts = Lines::indented();
+        let mut facts = Facts::indented();
         write_cameras(&mut facts, &bench);
-        facts.text
+        facts.text()
     }
 
     #[test]
@@ -360,8 +360,8 @@ mod camera_tests {
         let mut head = bench.first_head();
         head.camera.detector.pixel_pitch_um = 2000.0;
         bench.extra_heads = vec![head; 2];
-        let mut facts = Lines::indented();
+        let mut facts = Facts::indented();
         write_cameras(&mut facts, &bench);
-        assert_eq!(facts.text.matches("WARNING").count(), 1, "{}", facts.text);
+        assert_eq!(facts.warnings().len(), 1, "{}", facts.text());
     }
 }

@@ -4,7 +4,7 @@
 //!
 //! Input: a bench and the run that was made of it. Output: text. The numbers are those of `run::wiring::display_parts`.
 
-use crate::cli::lines::Lines;
+use crate::cli::facts::Facts;
 use anyhow::Result;
 use base::{time::Span, units::ARCSEC};
 use config::{Bench, DisplaySettings, Sink};
@@ -20,7 +20,7 @@ use run::{runtime::RunParams, wiring::bench_parts::script_scale};
 /// # Errors
 /// When a number of the beat is out of range.
 pub(super) fn write_display(
-    facts: &mut Lines,
+    facts: &mut Facts,
     bench: &Bench,
     params: &RunParams,
     calibration: Option<&Calibration>,
@@ -52,14 +52,17 @@ pub(super) fn write_display(
         write_times(facts, bench, params, calibration);
     }
     if let Some(beat) = beat(bench)? {
-        let word = if beat.is_seen() { "WARNING" } else { "shutter" };
-        facts.fact(word, beat.advice());
+        if beat.is_seen() {
+            facts.warning(beat.advice());
+        } else {
+            facts.fact("shutter", beat.advice());
+        }
     }
     Ok(())
 }
 
 /// Warns of a monitor that cannot be opened here, or is of another size than the frames: a run refuses it.
-fn write_size(facts: &mut Lines, display: &DisplaySettings, params: &RunParams) {
+fn write_size(facts: &mut Facts, display: &DisplaySettings, params: &RunParams) {
     if display.params.window_px.is_some() {
         return;
     }
@@ -80,7 +83,7 @@ fn fits(found: &[MonitorFacts], choice: &MonitorChoice, image_px: [u32; 2]) -> R
 }
 
 /// Returns when frames are begun, when their light leaves, and how well that is known.
-fn write_times(facts: &mut Lines, bench: &Bench, params: &RunParams, calibration: &Calibration) {
+fn write_times(facts: &mut Facts, bench: &Bench, params: &RunParams, calibration: &Calibration) {
     let Some(settings) = calibrated_display(bench) else { return };
     let refresh_s = params.frame_period.s();
     let source = match (settings.params.latency, &calibration.latency) {
@@ -143,7 +146,7 @@ pub(super) fn display_limits(calibration: &Calibration, params: &RunParams) -> R
 }
 
 /// Returns stars of one planned frame that are too bright, or where the map is a guess.
-pub(super) fn write_frame_stars(facts: &mut Lines, limits: &DisplayLimits, plan: &ExposurePlan) {
+pub(super) fn write_frame_stars(facts: &mut Facts, limits: &DisplayLimits, plan: &ExposurePlan) {
     let DisplayLimits { calibrated, full_px_e, peak_share, brightest_mag } = limits;
     let size_px = [plan.camera.width_px(), plan.camera.height_px()].map(|side| side as f64 - 0.5);
     let is_shown = |[x, y]: [f64; 2]| x > -0.5 && y > -0.5 && x < size_px[0] && y < size_px[1];
@@ -154,14 +157,15 @@ pub(super) fn write_frame_stars(facts: &mut Lines, limits: &DisplayLimits, plan:
         bright += u32::from(star.electrons * peak_share > full_px_e * calibrated.flat.at(px));
         beyond += u32::from(!calibrated.geometry.covered().contains(px));
     }
-    let word = if bright + beyond > 0 { "WARNING" } else { "display" };
-    facts.fact(
-        word,
-        format_args!(
-            "{shown} stars on the display: {bright} too bright for it (clipped; up to {brightest_mag:.2} mag fit \
+    let words = format!(
+        "{shown} stars on the display: {bright} too bright for it (clipped; up to {brightest_mag:.2} mag fit \
          anywhere), {beyond} beyond the calibrated dots, where the map is a guess"
-        ),
     );
+    if bright + beyond > 0 {
+        facts.warning(words);
+    } else {
+        facts.fact("display", words);
+    }
 }
 
 #[cfg(all(test, feature = "display"))]
@@ -175,9 +179,9 @@ mod display_tests {
     fn reported(text: &str) -> String {
         let bench = Bench::from_document(&Document::from_text(text, Path::new("b.toml"))).unwrap();
         let params = run_params(&bench, Tai::from_ns(0)).unwrap();
-        let mut facts = Lines::indented();
+        let mut facts = Facts::indented();
         write_display(&mut facts, &bench, &params, None).unwrap();
-        facts.text
+        facts.text()
     }
 
     #[test]

@@ -1,45 +1,52 @@
 //! `starloop check` of files about judging trackers and drawing data sets: test plans, requirements, data sets.
 
-use crate::cli::fly::sound;
+use crate::cli::{facts::Facts, fly::sound};
 #[cfg(feature = "data_sets")]
 use anyhow::Context;
 use anyhow::Result;
 use config::{Document, FileKind, check_keys};
-use core::fmt::Write;
 use performance::{fly::Flight, plan::Plan, requirements::Requirements};
 use std::path::Path;
 
-/// Returns what there is to say about a test plan, requirements or a data set; `None` for other files.
+/// Returns what there is to say about a test plan, requirements or a data set, all of it sound; `None` for other files.
 ///
 /// # Errors
 /// With everything that is wrong with the file.
-pub(super) fn judged(document: &Document, path: &Path) -> Result<Option<String>> {
+pub(super) fn judged(document: &Document, path: &Path) -> Result<Option<Facts>> {
     let kind = FileKind::of(document);
     check_keys(kind, document)?;
-    Ok(match kind {
-        FileKind::TestPlan => Some(plan(document, path)?),
+    let mut facts = Facts::indented();
+    let verdict = match kind {
+        FileKind::TestPlan => plan(&mut facts, document, path)?,
         FileKind::Requirements => {
             let read = Requirements::parse(document.text(), &path.display().to_string())?;
-            Some(format!("requirements are sound: {} limits\n", read.requirement.len()))
+            format!("requirements are sound: {} limits", read.requirement.len())
         }
-        FileKind::DataSet => Some(data_set(document, path)?),
-        FileKind::Bench | FileKind::Scenario | FileKind::Camera | FileKind::Link | FileKind::Spacecraft => None,
-    })
+        FileKind::DataSet => data_set(document, path)?,
+        FileKind::Bench | FileKind::Scenario | FileKind::Camera | FileKind::Link | FileKind::Spacecraft => {
+            return Ok(None);
+        }
+    };
+    let mut report = Facts::indented();
+    report.line(&verdict);
+    report.append(facts);
+    report.value("kind", kind.name());
+    report.value("verdict", verdict);
+    Ok(Some(report))
 }
 
-fn plan(document: &Document, path: &Path) -> Result<String> {
+fn plan(facts: &mut Facts, document: &Document, path: &Path) -> Result<String> {
     let (plan, errors) = Plan::parse(document.text(), path)?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let flight = Flight::new(&plan, folder, Path::new(""))?;
     let requirements = sound((&plan, errors), &flight, folder, &|_| true)?;
-    let mut text = format!("test plan \"{}\" is sound\n", plan.name);
-    writeln!(text, "  camera       {}", flight.camera_name)?;
-    writeln!(text, "  tracker      {}", plan.tracker_name())?;
+    facts.fact("camera", &flight.camera_name);
+    facts.fact("tracker", plan.tracker_name());
     let frames: u64 = plan.each().map(|(case, _)| u64::from(case.attitudes.count()) * u64::from(case.frames)).sum();
-    writeln!(text, "  cases        {}, {frames} frames", plan.each().count())?;
+    facts.fact("cases", format_args!("{}, {frames} frames", plan.each().count()));
     let limits = requirements.map_or(Ok(Requirements::usual()), |text| Requirements::parse(&text, "requirements"))?;
-    writeln!(text, "  requirements {}", limits.requirement.len())?;
-    Ok(text)
+    facts.fact("requirements", limits.requirement.len());
+    Ok(format!("test plan \"{}\" is sound", plan.name))
 }
 
 #[cfg(feature = "data_sets")]
@@ -47,12 +54,12 @@ fn data_set(document: &Document, path: &Path) -> Result<String> {
     let spec = data_sets::Spec::parse(document.text(), path.parent().unwrap_or(Path::new("")))
         .with_context(|| path.display().to_string())?;
     data_sets::Studio::camera_of(&spec, 0).with_context(|| path.display().to_string())?;
-    Ok(format!("data set \"{}\" is sound\n", spec.name))
+    Ok(format!("data set \"{}\" is sound", spec.name))
 }
 
 #[cfg(not(feature = "data_sets"))]
 fn data_set(_: &Document, _: &Path) -> Result<String> {
-    Ok("keys of the data set are sound; a program with the feature data_sets checks the rest\n".into())
+    Ok("keys of the data set are sound; a program with the feature data_sets checks the rest".into())
 }
 
 #[cfg(test)]
@@ -62,7 +69,10 @@ mod tests {
     fn checked(text: &str, folder: &Path) -> String {
         let path = folder.join("file.toml");
         let judged = judged(&Document::from_text(text, &path), &path);
-        judged.map_or_else(|error| format!("{error:#}"), |text| text.unwrap_or_else(|| "another kind".into()))
+        judged.map_or_else(
+            |error| format!("{error:#}"),
+            |facts| facts.map_or("another kind".into(), |facts| facts.text()),
+        )
     }
 
     #[test]

@@ -5,23 +5,22 @@ mod attitude_file;
 mod bodies;
 pub(super) mod camera;
 mod display;
-mod facts;
 mod judged;
 mod plans;
 mod scenario;
 
 use crate::cli::calibrate::{Costs, costs_here};
-use crate::cli::named::{drawn_text, radiometry_text};
-use crate::cli::{EXIT_DONE, EXIT_NOT_MET, frame_plan::FramePlans, lines::Lines, report_json::print_json};
+use crate::cli::named::{drawn_mag, drawn_text, radiometry_text};
+use crate::cli::{EXIT_DONE, EXIT_NOT_MET, facts::Facts, frame_plan::FramePlans};
 use anyhow::Result;
 use attitude::{write_attitude, write_jitter};
+use base::accuracy::AccuracyBudget;
 use base::clock::{Clock, Monotonic};
 use base::time::{Span, Tai};
 use camera::Sight;
 use clap::Args;
-use config::{Backend, Bench, DeadlinePolicy, Document, Event, FileKind, Plant, Scenario, Setting, Sink, StartTime};
+use config::{Backend, Bench, DeadlinePolicy, Document, Event, Plant, Scenario, Setting, Sink, StartTime};
 use display::{DisplayLimits, display_limits};
-use facts::{Facts, verdict, warnings};
 use image::detector::cost::effect_costs;
 use judged::judged;
 use outputs::display::calibration::Calibration;
@@ -30,6 +29,7 @@ use run::runtime::{Imager, RunParams};
 use run::wiring::memory::{RunForm, RunMemory};
 use run::wiring::{bench_parts, tracker_ins, tracker_outs};
 use run::{wiring::bench_parts::motion_scale, wiring::display_parts::take_display, wiring::sinks::described_lines};
+use serde_json::json;
 use stars::{Sky, StarIndex};
 use std::path::PathBuf;
 use testbed::flight_computer::FlightComputer;
@@ -74,32 +74,23 @@ pub fn run(arguments: &CheckArgs) -> Result<u8> {
         None => Bench::built_in_document()?,
     };
     if let (Some(path), true) = (&arguments.bench, arguments.settings.is_empty())
-        && let Some(text) = judged(&document, path)?
+        && let Some(facts) = judged(&document, path)?
     {
-        if arguments.json {
-            let kind = FileKind::of(&document).name();
-            print_json("check", serde_json::json!({ "kind": kind, "verdict": text.lines().next() }))?;
-        } else {
-            print!("{text}");
-        }
-        return Ok(status(arguments, &warnings(&text)));
+        facts.print("check", arguments.json)?;
+        return Ok(EXIT_DONE);
     }
     let settings = arguments.settings.iter().map(|text| Setting::parse(text)).collect::<Result<_, _>>()?;
     let document = document.with_settings(settings);
     let scenario = Scenario::from_document(&document)?;
-    let facts = checked(&scenario, arguments.built_in_costs)?;
-    let warnings = warnings(&facts.lines.text);
-    if arguments.json {
-        print_json("check", facts.with_warnings(&warnings))?;
-    } else {
-        print!("{}{}", verdict(&name(&scenario), &warnings), facts.lines.text);
+    let mut facts = checked(&scenario, arguments.built_in_costs)?;
+    if !arguments.json {
+        print!("{}", facts.verdict(&name(&scenario)));
     }
-    Ok(status(arguments, &warnings))
-}
-
-/// Returns the exit status beside these warnings.
-fn status(arguments: &CheckArgs, warnings: &[&str]) -> u8 {
-    if arguments.strict && !warnings.is_empty() { EXIT_NOT_MET } else { EXIT_DONE }
+    let warnings: Vec<String> = facts.warnings().into_iter().map(str::to_owned).collect();
+    let status = if arguments.strict && !warnings.is_empty() { EXIT_NOT_MET } else { EXIT_DONE };
+    facts.value("warnings", warnings);
+    facts.print("check", arguments.json)?;
+    Ok(status)
 }
 
 /// Returns how the verdict calls the file.
@@ -110,11 +101,14 @@ fn name(scenario: &Scenario) -> String {
 
 /// Returns everything there is to say about the file.
 fn checked(scenario: &Scenario, only_built_in: bool) -> Result<Facts> {
-    let mut facts = report(&scenario.bench, &scenario.plant, only_built_in)?;
+    let of_bench = report(&scenario.bench, &scenario.plant, only_built_in)?;
     let is_plain = scenario.vehicle().is_none() && scenario.events.is_empty();
-    if !is_plain {
-        facts.lines.text = scenario::report(scenario)? + "\n" + &facts.lines.text;
+    if is_plain {
+        return Ok(of_bench);
     }
+    let mut facts = scenario::report(scenario)?;
+    facts.line("");
+    facts.append(of_bench);
     Ok(facts)
 }
 
@@ -138,7 +132,7 @@ pub(super) fn warning_line(scenario: &Scenario, imager: &Imager, only_built_in: 
     bench.sinks.retain(|settings| !matches!(settings.sink, Sink::Display(_)));
     let prepared = run_params_of(&bench).ok()?;
     let facts = report_of(&bench, &scenario.plant, (prepared, imager), only_built_in).ok()?;
-    let warnings = warnings(&facts.lines.text);
+    let warnings = facts.warnings();
     (!warnings.is_empty()).then(|| format!("WARNING: {}: {}", name(scenario), warnings.join("; ")))
 }
 
@@ -178,27 +172,26 @@ fn report_of(
     let limits = calibration.as_ref().map(|calibration| display_limits(calibration, &params)).transpose()?.flatten();
     let costs = costs_here(imager, only_built_in);
     bench_parts::take_real_clock(&mut params, bench, costs.measured);
-    let mut facts = Facts::default();
+    let mut facts = Facts::indented();
     let sky = params.open_sky()?;
     let sight = Sight::of(bench, plant, &params);
-    describe(&mut facts.lines, bench, &params, (imager, &sky, &sight), &costs)?;
-    facts.describe(bench, &params, imager, &costs.origin);
-    write_memory(&mut facts.lines, bench);
-    display::write_display(&mut facts.lines, bench, &params, calibration.as_ref())?;
-    write_defaults(&mut facts.lines, bench);
-    facts.lines.line("");
-    facts.lines.line(CONVENTIONS);
-    attitude_file::write_files(&mut facts.lines, bench, plant, &params);
-    write_attitude(&mut facts.lines, bench, &params, motion_scale(plant, bench));
-    write_jitter(&mut facts.lines, bench, &params);
+    describe(&mut facts, bench, &params, (imager, &sky, &sight), &costs)?;
+    write_memory(&mut facts, bench);
+    display::write_display(&mut facts, bench, &params, calibration.as_ref())?;
+    write_defaults(&mut facts, bench);
+    facts.line("");
+    facts.line(CONVENTIONS);
+    attitude_file::write_files(&mut facts, bench, plant, &params);
+    write_attitude(&mut facts, bench, &params, motion_scale(plant, bench));
+    write_jitter(&mut facts, bench, &params);
     let computer = || FlightComputer::new(bench_parts::flight_computer_of(plant, bench, start, params.first_exposure));
-    bodies::write_targets(&mut facts.lines, &params, &computer());
+    bodies::write_targets(&mut facts, &params, &computer());
     plans(&mut facts, bench, computer(), (&params, limits.as_ref(), &sight), (imager, &sky))?;
     Ok(facts)
 }
 
 fn describe(
-    facts: &mut Lines,
+    facts: &mut Facts,
     bench: &Bench,
     params: &RunParams,
     (imager, sky, sight): (&Imager, &Sky, &Sight),
@@ -207,6 +200,18 @@ fn describe(
     let camera = &bench.camera;
     let [fov_x, fov_y] = camera.fov_deg();
     facts.line(format_args!("bench \"{}\"", bench.name));
+    facts.value("bench", bench.name.as_str());
+    facts.value(
+        "camera",
+        json!({
+            "name": camera.name,
+            "width_px": camera.detector.width_px,
+            "height_px": camera.detector.height_px,
+            "fov_deg": [fov_x, fov_y],
+            "arcsec_per_px": camera.ifov_arcsec(),
+            "limiting_mag_g": drawn_mag(camera, params.camera.limiting_mag),
+        }),
+    );
     facts.named("camera").line(format_args!(
         "\"{}\": {} x {} px, {fov_x:.2} x {fov_y:.2} deg, {:.2} arcsec/px",
         camera.name,
@@ -224,6 +229,15 @@ fn describe(
     bodies::write_observer(facts, params)?;
     camera::write_light(facts, &params.camera);
     write_stars(facts, params, sky);
+    describe_frames(facts, bench, params, imager);
+    facts.fact("costs", &costs.origin);
+    facts.value("costs", costs.origin.as_str());
+    describe_detector(facts, params, imager);
+    Ok(())
+}
+
+/// Writes when frames are exposed and due, what draws them, and where they go.
+fn describe_frames(facts: &mut Facts, bench: &Bench, params: &RunParams, imager: &Imager) {
     let exposed = &params.camera;
     let after_s = exposed.readout_s - params.ahead.s();
     let due = if params.ahead == Span::ZERO {
@@ -240,6 +254,13 @@ fn describe(
         exposed.exposure_s,
         late_frames(params.deadline_policy)
     ));
+    facts.value("frames", params.frames);
+    facts.value("frame_rate_hz", bench.timing.frame_rate_hz);
+    facts.value("exposure_s", exposed.exposure_s);
+    facts.value("readout_s", exposed.readout_s);
+    facts.value("heads", bench.head_count());
+    facts.value("backend", imager.name());
+    facts.value("adapter", imager.description());
     facts.fact("backend", format_args!("{} ({})", imager.name(), imager.description()));
     if let Some(note) = &imager.note {
         facts.more(note);
@@ -261,7 +282,10 @@ fn describe(
     for (place, words) in tracker_ins::described_lines(&bench.tracker_ins) {
         facts.fact(place, words);
     }
-    facts.fact("costs", &costs.origin);
+}
+
+/// Writes the time of the detector, and the budget of accuracy.
+fn describe_detector(facts: &mut Facts, params: &RunParams, imager: &Imager) {
     let camera_params = &params.camera;
     let effects: Vec<String> =
         effect_costs(&camera_params.detector, &camera_params.patterns, camera_params.geometry.width_px())
@@ -271,17 +295,21 @@ fn describe(
         let readout_ms = camera_params.predicted_readout_ms(&params.cost.unwrap_or(imager.cost));
         facts.fact("detector", format_args!("{readout_ms:.2} ms predicted, with {}", effects.join(", ")));
     }
-    let budget = &params.budget;
+    let AccuracyBudget { centroid_px, flux_rel, pixel_sigma, los_arcsec, .. } = params.budget;
     facts.named("budget").line(format_args!(
-        "centroid {} px, flux {}, pixel {} sigma, line of sight {} arcsec",
-        budget.centroid_px, budget.flux_rel, budget.pixel_sigma, budget.los_arcsec
+        "centroid {centroid_px} px, flux {flux_rel}, pixel {pixel_sigma} sigma, line of sight {los_arcsec} arcsec"
     ));
-    Ok(())
+    facts.value(
+        "budget",
+        json!({
+            "centroid_px": centroid_px, "flux_rel": flux_rel, "pixel_sigma": pixel_sigma, "los_arcsec": los_arcsec,
+        }),
+    );
 }
 
 /// Writes the memory that a run takes, on the real clock where its sinks have queues, and whether there is as much
 /// here.
-fn write_memory(facts: &mut Lines, bench: &Bench) {
+fn write_memory(facts: &mut Facts, bench: &Bench) {
     let memory = RunMemory::of(bench, &bench.sinks, RunForm { is_real: true, has_view: false });
     facts.fact("memory", memory.in_words());
     if let Err(error) = memory.check() {
@@ -290,7 +318,7 @@ fn write_memory(facts: &mut Lines, bench: &Bench) {
 }
 
 /// Returns the stars that layers have, and whether bright ones are missing.
-fn write_stars(facts: &mut Lines, params: &RunParams, sky: &Sky) {
+fn write_stars(facts: &mut Facts, params: &RunParams, sky: &Sky) {
     let Sky { layers, most_stars } = sky;
     let [from, faintest] = layers.magnitudes();
     if !layers.is_in_memory() {
@@ -307,10 +335,12 @@ fn write_stars(facts: &mut Lines, params: &RunParams, sky: &Sky) {
     }
 }
 
-fn write_defaults(facts: &mut Lines, bench: &Bench) {
+fn write_defaults(facts: &mut Facts, bench: &Bench) {
+    facts.value("defaults", json!([]));
     for (what, list) in [("bench", &bench.defaulted), ("camera", &bench.camera.defaulted)] {
         for default in list {
             facts.fact("default", format_args!("{what}: {} = {}", default.key, default.value));
+            facts.element("defaults", json!({ "file": what, "key": default.key, "value": default.value }));
         }
     }
 }
@@ -324,15 +354,16 @@ fn plans(
     (imager, sky): (&Imager, &Sky),
 ) -> Result<()> {
     let planned = Planned::new(bench, params, imager);
-    plans::write_sampling(&mut facts.lines, params);
-    plans::write_degradations(&mut facts.lines, &planned);
+    plans::write_sampling(facts, params);
+    plans::write_degradations(facts, &planned);
+    facts.value("plans", json!([]));
     let mut frames = FramePlans::new(computer, params, sky);
     let last = params.frames.saturating_sub(1);
     let mut numbers = vec![0, last / 2, last];
     numbers.dedup();
     for number in numbers {
         if !frames.has_attitude(number) {
-            facts.lines.line(format_args!("frame {number} has no attitude: nothing is planned for it"));
+            facts.line(format_args!("frame {number} has no attitude: nothing is planned for it"));
             continue;
         }
         let mut planner = frames.planner(planned.cost, planned.limit_ms);
@@ -340,15 +371,14 @@ fn plans(
             planner = planner.exact();
         }
         let plan = frames.plan(number, &mut planner)?;
-        plans::write_plan(&mut facts.lines, number, plan, &planned);
-        facts.plan(number, plan);
-        sight.write_frame(&mut facts.lines, number, plan);
-        camera::write_frame_light(&mut facts.lines, &frames.scene.light, &params.camera, plan)?;
+        plans::write_plan(facts, number, plan, &planned);
+        sight.write_frame(facts, number, plan);
+        camera::write_frame_light(facts, &frames.scene.light, &params.camera, plan)?;
         if let Some(bodies) = &frames.scene.bodies {
-            bodies::write_frame_bodies(&mut facts.lines, bodies, &params.camera, plan)?;
+            bodies::write_frame_bodies(facts, bodies, &params.camera, plan)?;
         }
         if let Some(limits) = limits {
-            display::write_frame_stars(&mut facts.lines, limits, plan);
+            display::write_frame_stars(facts, limits, plan);
         }
     }
     Ok(())
@@ -368,7 +398,7 @@ mod tests {
     use super::*;
 
     fn report(bench: &Bench, only_built_in: bool) -> Result<String> {
-        Ok(super::report(bench, &Plant::FlightComputer, only_built_in)?.lines.text)
+        Ok(super::report(bench, &Plant::FlightComputer, only_built_in)?.text())
     }
 
     #[test]
@@ -394,10 +424,11 @@ mod tests {
     fn a_scenario_is_explained_with_its_bench() {
         let of = |file: &str| {
             let scenario = Scenario::from_document(&Document::built_in(file).unwrap()).unwrap();
-            (checked(&scenario, true).unwrap().lines.text, name(&scenario))
+            let facts = checked(&scenario, true).unwrap();
+            (facts.text(), facts.verdict(&name(&scenario)))
         };
-        let (text, name) = of("scenarios/three_heads.toml");
-        assert_eq!(verdict(&name, &warnings(&text)), "scenario \"three heads\" is sound\n");
+        let (text, verdict) = of("scenarios/three_heads.toml");
+        assert_eq!(verdict, "scenario \"three heads\" is sound\n");
         for word in [
             "scenario \"three heads\"\n",
             "bench \"closed loop",
@@ -444,9 +475,9 @@ mod tests {
     fn memory_of_a_run_is_added_up_and_one_that_does_not_fit_is_a_warning() {
         let mut bench = Bench::built_in().unwrap();
         let memory = |bench: &Bench| {
-            let mut facts = Lines::indented();
+            let mut facts = Facts::indented();
             write_memory(&mut facts, bench);
-            facts.text
+            facts.text()
         };
         let text = memory(&bench);
         assert!(text.starts_with("  memory       ") && text.contains(" MiB: ") && !text.contains("WARNING"), "{text}");

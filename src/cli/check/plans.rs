@@ -3,13 +3,14 @@
 //! Input: a plan of the frame planner. Output: text. Predictions are for the real clock of this machine; nothing is
 //! drawn here.
 
-use crate::cli::{frame_plan::over_budget_text, lines::Lines};
+use crate::cli::{facts::Facts, frame_plan::over_budget_text};
 use base::accuracy::AccuracyBudget;
 use config::{Bench, Degrade};
 use plan::exposure::plan::{Assessment, MOTION_SHARE, Verdict};
 use plan::exposure::{Degradation, ExposurePlan, PsfSampling};
 use plan::exposure::{cost::CostModel, sampling::sampling_error};
 use run::runtime::{Imager, RunParams};
+use serde_json::json;
 
 /// Limits that plans are judged by.
 pub(super) struct Planned {
@@ -43,7 +44,7 @@ impl Planned {
 }
 
 /// Writes how pixel values are computed from the PSF, and the errors of the other methods.
-pub(super) fn write_sampling(facts: &mut Lines, params: &RunParams) {
+pub(super) fn write_sampling(facts: &mut Facts, params: &RunParams) {
     let (camera, budget) = (&params.camera, &params.budget);
     let full_well_e = camera.detector.full_well_e;
     let noise_e = full_well_e.sqrt().hypot(camera.detector.read_noise_e_rms);
@@ -71,7 +72,7 @@ pub(super) fn write_sampling(facts: &mut Lines, params: &RunParams) {
 }
 
 /// Writes the degradation levels, in order, for frames short of time.
-pub(super) fn write_degradations(facts: &mut Lines, planned: &Planned) {
+pub(super) fn write_degradations(facts: &mut Facts, planned: &Planned) {
     let when = match planned.degrade {
         _ if planned.limit_ms.is_none() && planned.degrade != Degrade::Never => "never: the reference takes its time",
         Degrade::OnRealClock => "on the real clock (timing.degrade = \"real_clock\")",
@@ -95,10 +96,25 @@ pub(super) fn write_degradations(facts: &mut Lines, planned: &Planned) {
     facts.line("");
 }
 
-/// Returns one frame's plan.
-pub(super) fn write_plan(facts: &mut Lines, number: u32, plan: &ExposurePlan, planned: &Planned) {
-    let (stars, reach) = (plan.stars.len(), plan.reach_px);
+/// Writes one frame's plan.
+pub(super) fn write_plan(facts: &mut Facts, number: u32, plan: &ExposurePlan, planned: &Planned) {
+    let (stars, reach, chosen) = (plan.stars.len(), plan.reach_px, &plan.chosen);
     let rate_deg_s = plan.motion.los.rate_rad_s.length().to_degrees();
+    facts.element(
+        "plans",
+        json!({
+            "frame": number,
+            "stars": stars,
+            "rate_deg_s": rate_deg_s,
+            "path_px": reach,
+            "method": chosen.method.to_string(),
+            "centroid_px": chosen.centroid_px,
+            "flux_rel": chosen.flux_rel,
+            "pixel_sigma": chosen.pixel_sigma,
+            "drawing_ms": chosen.cost_ms,
+            "level": plan.degradation.to_string(),
+        }),
+    );
     facts.line(format_args!(
         "plan of frame {number}: {stars} stars, {rate_deg_s:.3} deg/s, path of at most {reach:.2} px"
     ));
@@ -144,7 +160,7 @@ fn is_reported(assessment: &Assessment, plan: &ExposurePlan) -> bool {
 }
 
 /// Returns the stars by brightness, when they are drawn by more than one method.
-fn write_classes(facts: &mut Lines, plan: &ExposurePlan) {
+fn write_classes(facts: &mut Facts, plan: &ExposurePlan) {
     if plan.classes.len() < 2 {
         return;
     }
@@ -165,7 +181,7 @@ fn write_classes(facts: &mut Lines, plan: &ExposurePlan) {
     }
 }
 
-fn write_time(facts: &mut Lines, plan: &ExposurePlan, planned: &Planned) {
+fn write_time(facts: &mut Facts, plan: &ExposurePlan, planned: &Planned) {
     let Planned { budget_ms, readout_ms, due_ms, .. } = *planned;
     let draw_ms = plan.chosen.cost_ms;
     facts.named("time").line(format_args!(
@@ -173,14 +189,16 @@ fn write_time(facts: &mut Lines, plan: &ExposurePlan, planned: &Planned) {
          {due_ms:.1} ms"
     ));
     let degradation = plan.degradation;
-    let late = if draw_ms > budget_ms { "; WARNING: it will be late all the same" } else { "" };
     let over = over_budget_text(plan, &planned.budget);
     let gives_up = if over.is_some() && degradation == Degradation::Full {
         "nothing that any method would keep"
     } else {
         degradation.gives_up()
     };
-    facts.fact("level", format_args!("{degradation}: gives up {gives_up}{late}"));
+    facts.fact("level", format_args!("{degradation}: gives up {gives_up}"));
+    if draw_ms > budget_ms {
+        facts.warning("frames will be late all the same: drawing takes longer than there is time");
+    }
     if let Some(words) = over {
         facts.warning(words);
     }

@@ -3,7 +3,7 @@
 //! Input: a checked scenario. Output: text. All parts of the loop are made once, so that what only a run would refuse
 //! (a wheel that is not there) is refused here.
 
-use crate::cli::lines::Lines;
+use crate::cli::facts::Facts;
 use anyhow::Result;
 use base::units::DEG;
 use config::{Action, Event, Expect, ExpectFrames, Pointing, Scenario, Vehicle};
@@ -25,7 +25,7 @@ fn make_once(scenario: &Scenario) -> Result<()> {
     Ok(())
 }
 
-fn write_frames_expected(facts: &mut Lines, expect: &ExpectFrames) {
+fn write_frames_expected(facts: &mut Facts, expect: &ExpectFrames) {
     let limits = &expect.limits;
     let limits = [
         ("late frames, at most", limits.late),
@@ -50,9 +50,9 @@ fn write_frames_expected(facts: &mut Lines, expect: &ExpectFrames) {
 ///
 /// # Errors
 /// When it cannot be flown.
-pub(super) fn report(scenario: &Scenario) -> Result<String> {
+pub(super) fn report(scenario: &Scenario) -> Result<Facts> {
     make_once(scenario)?;
-    let mut facts = Lines::indented();
+    let mut facts = Facts::indented();
     let Some(vehicle) = scenario.vehicle() else {
         if scenario.bench.is_lockstep() {
             facts.line(
@@ -62,7 +62,7 @@ pub(super) fn report(scenario: &Scenario) -> Result<String> {
         facts.line(format_args!("events of \"{}\"", scenario.name));
         write_events(&mut facts, &scenario.events);
         write_frames_expected(&mut facts, &scenario.expect.frames);
-        return Ok(facts.text);
+        return Ok(facts);
     };
     write_flight(&mut facts, scenario, vehicle);
     write_events(&mut facts, &scenario.events);
@@ -74,10 +74,10 @@ pub(super) fn report(scenario: &Scenario) -> Result<String> {
         }
     }
     facts.fact("note", "the bench's [flight_computer], used below, is not flown: the spacecraft is");
-    Ok(facts.text)
+    Ok(facts)
 }
 
-fn write_flight(facts: &mut Lines, scenario: &Scenario, vehicle: &Vehicle) {
+fn write_flight(facts: &mut Facts, scenario: &Scenario, vehicle: &Vehicle) {
     let (bench, spacecraft, heads) = (&scenario.bench, &vehicle.spacecraft, scenario.bench.mountings());
     facts.line(format_args!("scenario \"{}\"", scenario.name));
     facts.fact("bench", format_args!("\"{}\"", bench.name));
@@ -102,7 +102,7 @@ fn write_flight(facts: &mut Lines, scenario: &Scenario, vehicle: &Vehicle) {
     ));
 }
 
-fn write_events(facts: &mut Lines, events: &[Event]) {
+fn write_events(facts: &mut Facts, events: &[Event]) {
     if events.is_empty() {
         return facts.fact("events", "none");
     }
@@ -136,7 +136,7 @@ fn values(action: &Action) -> String {
     }
 }
 
-fn write_expectations(facts: &mut Lines, expect: &Expect) {
+fn write_expectations(facts: &mut Facts, expect: &Expect) {
     facts.fact("expected", format_args!("judged: the last {} s", expect.window_s));
     let numbers = [
         ("fine pointing reached: within", expect.fine_pointing_within_s, " s"),

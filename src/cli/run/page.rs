@@ -4,8 +4,8 @@ use crate::cli::run::finished::{Finished, verdict_line};
 use crate::cli::run::page_parts::{Recording, Sample, begun, chart_of_pointing, recording, timeline};
 use crate::cli::{budget_report::limits, provenance, run::args::ClockKind, run::files, run::report::ScenarioReport};
 use base::input_file::{DATA_BYTES, read_bytes, read_text};
-use frames::report::{BudgetLine, FrameEnd, answer_lines, budget_lines};
-use performance::{page::Page, provenance::Provenance};
+use frames::report::{BudgetLine, FrameEnd, Page, answer_lines, budget_lines};
+use performance::provenance::Provenance;
 
 /// Name of the file in the folder of a run.
 pub(crate) const FILE: &str = "report.html";
@@ -228,7 +228,7 @@ fn write_provenance(page: &mut Page, finished: &Finished) {
     let text =
         finished.directory.as_ref().and_then(|folder| read_bytes(&folder.join(provenance::FILE), DATA_BYTES).ok());
     match text.and_then(|text| serde_json::from_slice::<Provenance>(&text).ok()) {
-        Some(from) => page.provenance(&from, MOST_ROWS),
+        Some(from) => from.write(page, MOST_ROWS),
         None => {
             page.heading("Provenance");
             page.paragraph("provenance.json could not be read.");

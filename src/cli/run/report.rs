@@ -1,6 +1,6 @@
 //! Results of a scenario: JSON for machines, a table for people.
 
-use crate::cli::lines::Lines;
+use crate::cli::facts::Facts;
 use config::Scenario;
 use frames::report::{AnswerRow, FrameAccount, FrameCounts, Losses, Machine, RunVerdict, RunWord, SinkLine};
 use run::runtime::note_lost_reader;
@@ -165,16 +165,16 @@ impl ScenarioReport {
 
 /// Returns the report for people; of a run without a spacecraft its faults and expectations only.
 pub fn table(report: &ScenarioReport, details: bool, is_flown: bool) -> String {
-    let mut lines = Lines::new("", 9);
+    let mut lines = Facts::new("", 9);
     if is_flown {
         write_flight(&mut lines, report, details);
     }
     write_faults(&mut lines, report);
     write_verdicts(&mut lines, report);
-    lines.text
+    lines.text()
 }
 
-fn write_flight(lines: &mut Lines, report: &ScenarioReport, details: bool) {
+fn write_flight(lines: &mut Facts, report: &ScenarioReport, details: bool) {
     let frames = &report.frames;
     lines.fact("scenario", format_args!("{} (seed {})", report.scenario, report.seed));
     lines.named("time").line(format_args!(
@@ -234,7 +234,7 @@ fn write_flight(lines: &mut Lines, report: &ScenarioReport, details: bool) {
     }
 }
 
-fn write_faults(lines: &mut Lines, report: &ScenarioReport) {
+fn write_faults(lines: &mut Facts, report: &ScenarioReport) {
     for fault in report.faults.iter().take(40) {
         if fault.from_s.is_infinite() {
             lines.fact("fault", format_args!("not triggered           {}", fault.name));
@@ -261,7 +261,7 @@ fn write_faults(lines: &mut Lines, report: &ScenarioReport) {
 }
 
 /// Writes what was expected, what broke, and the last line.
-fn write_verdicts(lines: &mut Lines, report: &ScenarioReport) {
+fn write_verdicts(lines: &mut Facts, report: &ScenarioReport) {
     for verdict in &report.verdicts {
         let mark = if verdict.passed { "ok" } else { "FAILED" };
         lines.named(mark).line(format_args!("{}: wanted {}, got {}", verdict.name, verdict.wanted, verdict.got));

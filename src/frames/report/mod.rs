@@ -5,7 +5,8 @@
 //!
 //! Tour: `stages` (where the time of a frame goes) -> `histogram` (quantiles, without allocation while running)
 //! -> `account` and `verdict` (one word with its reasons), `summary`, `losses` and `machine` (JSON) -> `table` (the same
-//! for people), `progress_numbers` (while it runs). Apart from a run: `plot` (charts as SVG).
+//! for people), `progress_numbers` (while it runs). Apart from a run: `plot` (charts as SVG),
+//! `page` (HTML that needs no other file).
 //!
 //! Frame by frame: `frame_record` (one frame's times, fate and cause) -> `frame_ring` (the last frames, counts of all)
 //! -> `budget` (verdict per line) -> `junit`, `timeline`.
@@ -21,6 +22,7 @@ pub mod histogram;
 pub mod junit;
 pub mod losses;
 pub mod machine;
+pub mod page;
 pub mod plot;
 pub mod progress_numbers;
 pub mod stages;
@@ -41,6 +43,7 @@ pub use histogram::{CountHistogram, CountSpread, Quantiles, StageHistogram};
 pub use junit::to_junit;
 pub use losses::{LossLine, Losses, LostPart};
 pub use machine::Machine;
+pub use page::Page;
 pub use plot::{Chart, pareto_front, to_svg};
 pub use progress_numbers::{
     EVENTS_MAX, NAMES_MAX, NamedCounts, PortCounts, Progress, RunNumbers, progress_line, step_line,

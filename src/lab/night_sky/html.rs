@@ -4,8 +4,7 @@ use crate::picture::{Picture, robust};
 use crate::report::{self, verdict};
 use crate::result::{Comparison, MOST_CENTROID_PX, MOST_ENERGY, MOST_MAG, MOST_NOISE};
 use crate::{compare::Compared, figures::ring_px};
-use base::xml::escaped;
-use core::fmt::Write;
+use frames::report::Page;
 use frames::report::plot::{Axis, Chart, Series, Style, to_svg};
 use frames::sink::png::write_grey8;
 use std::{io, path::Path};
@@ -14,33 +13,20 @@ use std::{io, path::Path};
 const SHRINK: usize = 2;
 /// How much a star's distance is enlarged in the chart of the field.
 const ENLARGED: f64 = 400.0;
-/// Style of the page.
-const STYLE: &str = "body{font:15px/1.5 sans-serif;max-width:70em;margin:2em auto;padding:0 1em;color:#222}\
-    table{border-collapse:collapse;margin:1em 0}td,th{border:1px solid #ccc;padding:.2em .6em;text-align:right}\
-    th{background:#f3f3f3}td:first-child,th:first-child{text-align:left}img{max-width:100%}\
-    .yes{color:#060;font-weight:bold}.no{color:#a00;font-weight:bold}svg{max-width:100%;height:auto}\
-    @media print{@page{margin:14mm}body{max-width:none;margin:0;padding:0;font-size:11px}table{width:100%}td,th{padding:.15em .3em;overflow-wrap:break-word}\
-    thead{display:table-header-group}tr,img,svg{break-inside:avoid}h2{break-after:avoid}}";
 
 /// Returns the page.
 fn page(compared: &[Compared], camera: &str) -> io::Result<String> {
-    let mut page = String::new();
-    let verdict = verdict(compared);
-    let class = if compared.iter().all(|one| one.result.agrees) { "yes" } else { "no" };
-    let _ = write!(
-        page,
-        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>starloop compare</title><style>{STYLE}</style></head>\n\
-         <body><h1>Real frames and drawn frames</h1>\n<p class=\"{class}\">{}</p>\n<p>Camera at the start: {}. starloop {}.</p>\n",
-        escaped(&verdict),
-        escaped(camera),
+    let class = if compared.iter().all(|one| one.result.agrees) { "met" } else { "broken" };
+    let mut page = Page::begun(&verdict(compared), class, "");
+    page.paragraph(&format!(
+        "Real frames and drawn frames. Camera at the start: {camera}. starloop {}.",
         env!("CARGO_PKG_VERSION")
-    );
-    page.push_str(&overview(compared));
+    ));
+    overview(&mut page, compared);
     for one in compared {
         section(&mut page, one)?;
     }
-    page.push_str("</body></html>\n");
-    Ok(page)
+    Ok(page.end())
 }
 
 /// Returns the files of a report, by name: the page, and for each image the fitted camera, pictures and star table.
@@ -67,78 +53,86 @@ fn stem_of(image: &str, taken: &[String]) -> String {
     core::iter::once(stem.clone()).chain(numbered).find(|name| !taken.contains(name)).unwrap_or(stem)
 }
 
-/// Returns a table of the figures with their limits.
-fn overview(compared: &[Compared]) -> String {
-    let mut text = "<table><tr><th>image</th><th>RA deg</th><th>Dec deg</th><th>roll deg</th><th>stars</th><th>outliers</th><th>centroid px rms: without outliers, limit, all</th>\
-                    <th>mag rms: without outliers, limit, all</th><th>noise, drawn / real</th><th>energy 3 x 3 px</th><th>agrees</th></tr>\n"
-        .to_owned();
-    let _ = writeln!(
-        text,
-        "<tr><td>limit</td><td></td><td></td><td></td><td></td><td></td><td>{MOST_CENTROID_PX} and noise</td><td>{MOST_MAG} and noise</td><td>1 &plusmn; {MOST_NOISE}</td><td>&plusmn; {MOST_ENERGY}</td><td></td></tr>"
-    );
+/// Adds a table of the figures with their limits.
+fn overview(page: &mut Page, compared: &[Compared]) {
+    page.table(&[
+        "image",
+        "RA deg",
+        "Dec deg",
+        "roll deg",
+        "stars",
+        "outliers",
+        "centroid px rms: without outliers, limit, all",
+        "mag rms: without outliers, limit, all",
+        "noise, drawn / real",
+        "energy 3 x 3 px",
+        "agrees",
+    ]);
+    let limits = [
+        format!("{MOST_CENTROID_PX} and noise"),
+        format!("{MOST_MAG} and noise"),
+        format!("1 ± {MOST_NOISE}"),
+        format!("± {MOST_ENERGY}"),
+    ];
+    let [centroid, mag, noise, energy] = limits.each_ref().map(String::as_str);
+    page.row(&["limit", "", "", "", "", "", centroid, mag, noise, energy, ""]);
     for one in compared.iter().map(|one| &one.result) {
-        let _ = writeln!(
-            text,
-            "<tr><td>{}</td><td>{:.4}</td><td>{:.4}</td><td>{:.4}</td><td>{}</td><td>{}</td><td>{:.3}, {:.3}, {:.3}</td><td>{:.3}, {:.3}, {:.3}</td><td>{:.3}</td><td>{:+.3}</td><td class=\"{}</td></tr>",
-            escaped(&one.image),
-            one.ra_deg,
-            one.dec_deg,
-            one.roll_deg,
-            one.stars,
-            one.outliers,
-            one.centroid_robust_px,
-            one.centroid_limit_px,
-            one.centroid_rms_px,
-            one.mag_robust,
-            one.mag_limit,
-            one.mag_rms,
-            one.background_noise_ratio,
-            one.ensquared_energy_difference,
-            if one.agrees { "yes\">yes" } else { "no\">no" }
-        );
+        let cells = [
+            one.image.clone(),
+            format!("{:.4}", one.ra_deg),
+            format!("{:.4}", one.dec_deg),
+            format!("{:.4}", one.roll_deg),
+            one.stars.to_string(),
+            one.outliers.to_string(),
+            format!("{:.3}, {:.3}, {:.3}", one.centroid_robust_px, one.centroid_limit_px, one.centroid_rms_px),
+            format!("{:.3}, {:.3}, {:.3}", one.mag_robust, one.mag_limit, one.mag_rms),
+            format!("{:.3}", one.background_noise_ratio),
+            format!("{:+.3}", one.ensquared_energy_difference),
+            if one.agrees { "yes" } else { "no" }.to_owned(),
+        ];
+        page.row_of(if one.agrees { "" } else { "bad" }, &cells);
     }
-    text.push_str("</table>\n");
-    text
+    page.end_table();
 }
 
-fn section(page: &mut String, compared: &Compared) -> io::Result<()> {
+fn section(page: &mut Page, compared: &Compared) -> io::Result<()> {
     let one = &compared.result;
-    let _ = writeln!(page, "<h2>{}</h2>", escaped(&one.image));
+    page.heading(&one.image);
     for failure in &one.failures {
-        let _ = writeln!(page, "<p class=\"no\">{}</p>", escaped(failure));
+        page.paragraph(&format!("Does not agree: {failure}"));
     }
     for words in &one.limited_by {
-        let _ = writeln!(page, "<p>Limited by {}.</p>", escaped(words));
+        page.paragraph(&format!("Limited by {words}."));
     }
     if let Some(flipped) = &one.flipped {
-        let _ = writeln!(page, "<p>The image was turned over: its {flipped} are in reverse order.</p>");
+        page.paragraph(&format!("The image was turned over: its {flipped} are in reverse order."));
     }
     let picture = side_by_side(&compared.real, &compared.drawn, SHRINK)?;
-    let _ = writeln!(
-        page,
-        "<p><img alt=\"real, drawn, difference\" src=\"data:image/png;base64,{}\"><br>Real, drawn, and real less drawn (grey: none; white and black: five times its noise). \
-         Both images have the same greys; each pixel here is the brightest of {SHRINK} x {SHRINK}.</p>",
-        base::base64::encode(&picture)
-    );
-    page.push_str(&camera_table(one));
-    page.push_str(&published_table(one));
-    for chart in charts(one) {
-        page.push_str(&to_svg(&chart));
-        page.push('\n');
-    }
-    page.push_str("<h3>The worst stars</h3>\n<ul>\n");
+    page.wide_image(&base::base64::encode(&picture), "real, drawn, difference");
+    page.paragraph(&format!(
+        "Real, drawn, and real less drawn (grey: none; white and black: five times its noise). Both images have the same \
+         greys; each pixel here is the brightest of {SHRINK} x {SHRINK}."
+    ));
+    page.heading("The camera as it was fitted");
+    page.values(camera_table(one));
+    page.heading("The published figures");
+    page.table(&["figure", "published for such simulations", "here"]);
+    published_figures(one).iter().for_each(|row| page.row(row));
+    page.end_table();
+    charts(one).iter().for_each(|chart| page.picture(&to_svg(chart)));
+    page.heading("The worst stars");
+    page.table(&["star", "outlier"]);
     for star in &one.worst_stars {
-        let kind = if star.is_outlier { "outlier: " } else { "" };
-        let _ = writeln!(page, "<li>{kind}{}</li>", escaped(&star.words()));
+        page.row(&[star.words().as_str(), if star.is_outlier { "yes" } else { "no" }]);
     }
-    page.push_str("</ul>\n");
-    page.push_str(&star_table(one));
+    page.end_table();
+    star_table(page, one);
     Ok(())
 }
 
-fn camera_table(one: &Comparison) -> String {
+fn camera_table(one: &Comparison) -> Vec<(&'static str, String)> {
     let mut rows = vec![
-        ("focal length", format!("{:.4} &plusmn; {:.4} mm", one.focal_length_mm[0], one.focal_length_mm[1])),
+        ("focal length", format!("{:.4} ± {:.4} mm", one.focal_length_mm[0], one.focal_length_mm[1])),
         ("distortion k1", format!("{:+.4}", one.k1)),
         ("distortion k2", fitted_or_kept(one.k2, one.k2_error)),
         (
@@ -149,7 +143,7 @@ fn camera_table(one: &Comparison) -> String {
                 })
                 .join("; "),
         ),
-        ("PSF", format!("{}; residual {:.2} of the noise squared", escaped(&one.psf), one.psf_chi2)),
+        ("PSF", format!("{}; residual {:.2} of the noise squared", one.psf, one.psf_chi2)),
         (
             "light of G = 0",
             format!(
@@ -160,7 +154,7 @@ fn camera_table(one: &Comparison) -> String {
         (
             "illumination at the corner",
             format!(
-                "{:.3} of the middle, from the {}; the stars say {:+.3} &plusmn; {:.3} mag besides",
+                "{:.3} of the middle, from the {}; the stars say {:+.3} ± {:.3} mag besides",
                 one.edge_illumination,
                 if one.edge_is_by_stars { "stars" } else { "background" },
                 one.edge_by_stars_mag[0],
@@ -170,32 +164,27 @@ fn camera_table(one: &Comparison) -> String {
         ("gain, read noise", format!("{:.3} e-/DN, {:.2} e- rms", one.gain_e_per_dn, one.read_noise_e)),
     ];
     if let Some([gain, error]) = one.transfer_gain {
-        rows.push(("gain by the frame's photon transfer", format!("{gain:.3} &plusmn; {error:.3} e-/DN")));
+        rows.push(("gain by the frame's photon transfer", format!("{gain:.3} ± {error:.3} e-/DN")));
     }
     if let Some(air) = &one.refraction {
         rows.push((
             "stretch of the air",
             format!(
-                "{:.2e} &plusmn; {:.2e}, vertical at {:.0} deg from right towards down; centroids without it {:.3} px rms along an axis",
+                "{:.2e} ± {:.2e}, vertical at {:.0} deg from right towards down; centroids without it {:.3} px rms along an axis",
                 air.stretch, air.stretch_error, air.vertical_deg, air.rms_without_px
             ),
         ));
     }
-    let mut text = "<h3>The camera as it was fitted</h3><table>\n".to_owned();
-    for (name, value) in rows {
-        let _ = writeln!(text, "<tr><td>{name}</td><td>{value}</td></tr>");
-    }
-    text.push_str("</table>\n");
-    text
+    rows
 }
 
 /// Returns a number with its error, or that it is the camera file's.
 fn fitted_or_kept(value: f64, error: Option<f64>) -> String {
-    error.map_or_else(|| format!("{value:.3}, kept"), |error| format!("{value:.3} &plusmn; {error:.3}"))
+    error.map_or_else(|| format!("{value:.3}, kept"), |error| format!("{value:.3} ± {error:.3}"))
 }
 
 /// Returns the four figures by which dense-star-field simulations have been judged in publications.
-fn published_table(one: &Comparison) -> String {
+fn published_figures(one: &Comparison) -> [[String; 3]; 5] {
     let background = &one.background;
     let mean = background.drawn_mean_dn / background.real_mean_dn - 1.0;
     let rows = [
@@ -232,7 +221,7 @@ fn published_table(one: &Comparison) -> String {
             "energy concentration",
             "above 90 %",
             format!(
-                "5 x 5 px: real {:.1} %, drawn {:.1} %; 3 x 3 px: real {:.1} &plusmn; {:.1} %, drawn {:.1} %",
+                "5 x 5 px: real {:.1} %, drawn {:.1} %; 3 x 3 px: real {:.1} ± {:.1} %, drawn {:.1} %",
                 100.0 * one.energy.real[1],
                 100.0 * one.energy.drawn[1],
                 100.0 * one.energy.real[0],
@@ -241,12 +230,7 @@ fn published_table(one: &Comparison) -> String {
             ),
         ),
     ];
-    let mut text = "<h3>The published figures</h3><table><tr><th>figure</th><th>published for such simulations</th><th>here</th></tr>\n".to_owned();
-    for (name, published, here) in rows {
-        let _ = writeln!(text, "<tr><td>{name}</td><td>{published}</td><td>{here}</td></tr>");
-    }
-    text.push_str("</table>\n");
-    text
+    rows.map(|(name, published, here)| [name.to_owned(), published.to_owned(), here])
 }
 
 fn charts(one: &Comparison) -> Vec<Chart> {
@@ -329,21 +313,23 @@ fn chart(title: &str, x: Axis, y: Axis, series: Vec<Series>, notes: Vec<String>)
     Chart { title: title.into(), x, y, series, ring: String::new(), notes }
 }
 
-fn star_table(one: &Comparison) -> String {
-    let mut text = format!(
-        "<details><summary>{} stars above SNR 20</summary><table><tr><th>G</th><th>BP - RP</th><th>column px</th><th>row px</th><th>SNR</th>\
-         <th>dx px</th><th>dy px</th><th>d mag</th></tr>\n",
-        one.stars
-    );
+fn star_table(page: &mut Page, one: &Comparison) {
+    page.add(&format!("<details><summary>{} stars above SNR 20</summary>", one.stars));
+    page.table(&["G", "BP - RP", "column px", "row px", "SNR", "dx px", "dy px", "d mag"]);
     for star in &one.star_rows {
-        let _ = writeln!(
-            text,
-            "<tr><td>{:.2}</td><td>{:.2}</td><td>{:.2}</td><td>{:.2}</td><td>{:.1}</td><td>{:+.3}</td><td>{:+.3}</td><td>{:+.3}</td></tr>",
-            star.mag_g, star.bp_rp, star.x_px, star.y_px, star.snr, star.dx_px, star.dy_px, star.dmag
-        );
+        page.row(&[
+            format!("{:.2}", star.mag_g),
+            format!("{:.2}", star.bp_rp),
+            format!("{:.2}", star.x_px),
+            format!("{:.2}", star.y_px),
+            format!("{:.1}", star.snr),
+            format!("{:+.3}", star.dx_px),
+            format!("{:+.3}", star.dy_px),
+            format!("{:+.3}", star.dmag),
+        ]);
     }
-    text.push_str("</table></details>\n");
-    text
+    page.end_table();
+    page.add("</details>");
 }
 
 /// Spreads above the middle that are white.
@@ -391,14 +377,4 @@ fn side_by_side(real: &Picture, drawn: &Picture, shrink: usize) -> io::Result<Ve
     let mut png = Vec::new();
     write_grey8(&mut png, [total, height], &bytes)?;
     Ok(png)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_of_files_are_no_markup() {
-        assert_eq!(escaped("<b a=\"1\">&"), "&lt;b a=&quot;1&quot;&gt;&amp;");
-    }
 }

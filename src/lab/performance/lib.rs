@@ -29,7 +29,6 @@ pub mod log_form;
 pub mod metric;
 pub mod model_figures;
 pub mod noise;
-pub mod page;
 pub mod plan;
 mod poses;
 pub mod provenance;

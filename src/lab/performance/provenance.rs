@@ -4,6 +4,7 @@
 
 use anyhow::{Context, Result};
 use base::input_file::InputFile;
+use frames::report::Page;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::{fmt::Write as _, io::Read, path::Path};
@@ -36,6 +37,31 @@ pub struct Provenance {
     pub catalogs: Vec<(String, String)>,
     /// Files that the result depends on.
     pub files: Vec<FileHash>,
+}
+
+impl Provenance {
+    /// Writes where a result comes from, with at most so many of its files.
+    pub fn write(&self, page: &mut Page, most_files: usize) {
+        page.heading("Provenance");
+        let seeds: Vec<String> = self.seeds.iter().map(|(name, seed)| format!("{name} {seed}")).collect();
+        let catalogs: Vec<String> = self.catalogs.iter().map(|(name, what)| format!("{name}: {what}")).collect();
+        page.values([
+            ("made", self.made_utc.clone()),
+            ("command line", self.command_line.join(" ")),
+            ("starloop", format!("{}, SHA-256 {}", self.program_version, self.program_sha256)),
+            ("machine", format!("{}, {}, {}", self.host, self.cpu, self.system)),
+            ("seeds", seeds.join(", ")),
+            ("catalogs", catalogs.join(", ")),
+        ]);
+        page.table(&["file as used", "bytes", "SHA-256"]);
+        for file in self.files.iter().take(most_files) {
+            page.row(&[&file.path, &file.bytes.to_string(), &file.sha256]);
+        }
+        page.end_table();
+        if self.files.len() > most_files {
+            page.paragraph(&format!("{} more are in provenance.json.", self.files.len() - most_files));
+        }
+    }
 }
 
 /// A file with its hash.

@@ -3,7 +3,7 @@
 //! [`crate::optics::illumination`]). Uses all cores; the order of sources is kept, so a repeated plan is the same for
 //! any number of threads.
 //!
-//! *Blocks.* Directions -> places and mean places, eight stars at a time: the vector form of `place_one`.
+//! *Blocks.* Directions or pixels -> places and mean places, eight stars at a time: the vector form of `place_one`.
 //!
 //! Domain: a lens without distortion and one mean pose for all rows (a global shutter, or a still image), where it is
 //! the same arithmetic; otherwise stars are placed one by one. Test: `blocks_place_as_single_stars_do` in `place`.
@@ -78,19 +78,15 @@ pub(super) fn place_stars(
     (stars, seen): (&mut Vec<PlannedStar>, &mut Vec<usize>),
 ) -> Brightness {
     let (blocks, arch) = (BlockPlacer::new(lit.camera, los, means), vector_level());
-    // Sources with pixel places are few, and are not mixed with others.
-    let is_icrf = |source: &Source| matches!(source.place, SourcePlace::Icrf(_));
     let place_part = |((stars, seen), sources): ((&mut [PlannedStar], &mut usize), &[Source])| {
         let mut placed = Placed { stars, seen: 0, brightness: Brightness::NONE, margins };
-        let in_blocks = blocks.filter(|_| sources.iter().all(is_icrf));
+        let place_one = |source: &Source| place_one(source, lit, los, means, margins);
         let (eights, rest) = sources.as_chunks::<STARS>();
-        if let Some(placer) = in_blocks {
-            arch.dispatch(PlaceBlocks { placer, sources: eights, lit, placed: &mut placed });
+        if let Some(placer) = blocks {
+            arch.dispatch(PlaceBlocks { placer, sources: eights, lit, placed: &mut placed, place_one });
         }
-        let single = if in_blocks.is_some() { rest } else { sources };
-        for star in single.iter().filter_map(|source| place_one(source, lit, los, means, margins)) {
-            placed.push(star);
-        }
+        let single = if blocks.is_some() { rest } else { sources };
+        single.iter().filter_map(place_one).for_each(|star| placed.push(star));
         *seen = placed.seen;
         placed.brightness
     };
@@ -125,6 +121,24 @@ pub(super) fn for_each_star(stars: &mut [PlannedStar], work: impl Fn(&mut Planne
     }
 }
 
+/// How the place of a source is given.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Kind {
+    Icrf,
+    Pixel,
+}
+
+/// Returns how all places are given; `None` where both kinds are mixed.
+#[inline(always)]
+fn kind_of_all(sources: &[Source; STARS]) -> Option<Kind> {
+    let pixels: usize = sources.iter().map(|source| usize::from(matches!(source.place, SourcePlace::Pixel(_)))).sum();
+    match pixels {
+        0 => Some(Kind::Icrf),
+        STARS => Some(Kind::Pixel),
+        _ => None,
+    }
+}
+
 /// The visible stars of a part of the sources, at its front.
 struct Placed<'a> {
     stars: &'a mut [PlannedStar],
@@ -143,31 +157,39 @@ impl Placed<'_> {
     }
 }
 
-/// Blocks of a part, in the form that `pulp` compiles once per vector level.
-struct PlaceBlocks<'a, 'b> {
+/// Blocks of a part, in the form that `pulp` compiles once per vector level. Sources of a block with places of both kinds
+/// are placed one by one: a block is the same on any number of threads.
+struct PlaceBlocks<'a, 'b, F> {
     placer: BlockPlacer,
     sources: &'a [[Source; STARS]],
     lit: Lit<'a>,
     placed: &'a mut Placed<'b>,
+    place_one: F,
 }
 
-impl NullaryFnOnce for PlaceBlocks<'_, '_> {
+impl<F: Fn(&Source) -> Option<PlannedStar>> NullaryFnOnce for PlaceBlocks<'_, '_, F> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
-        let Self { placer, sources, lit, placed } = self;
-        let Placed { stars, seen, brightness, margins } = placed;
+        let Self { placer, sources, lit, placed, place_one } = self;
         let mut lanes = [Brightness::NONE; STARS];
         for sources in sources {
-            let mut directions = [[0.0; STARS]; 3];
+            let Some(kind) = kind_of_all(sources) else {
+                sources.iter().filter_map(&place_one).for_each(|star| placed.push(star));
+                continue;
+            };
+            let Placed { stars, seen, margins, .. } = &mut *placed;
+            let mut given = [[0.0; STARS]; 3];
             for (k, source) in sources.iter().enumerate() {
-                if let SourcePlace::Icrf(DVec3 { x, y, z }) = source.place {
-                    directions[0][k] = x;
-                    directions[1][k] = y;
-                    directions[2][k] = z;
+                let numbers = match source.place {
+                    SourcePlace::Icrf(DVec3 { x, y, z }) => [x, y, z],
+                    SourcePlace::Pixel([x, y]) => [x, y, 0.0],
+                };
+                for (row, number) in given.iter_mut().zip(numbers) {
+                    row[k] = number;
                 }
             }
-            let places = placer.place(&directions);
+            let places = placer.place(kind, &given);
             let tangent = |k: usize| DVec2::new(places.tangent[0][k], places.tangent[1][k]);
             let mut electrons: Eight = core::array::from_fn(|k| sources[k].electrons);
             if !lit.illumination.is_even() {
@@ -188,7 +210,7 @@ impl NullaryFnOnce for PlaceBlocks<'_, '_> {
                 *seen += usize::from(is_seen[k]);
             }
         }
-        *brightness = lanes.into_iter().fold(*brightness, Brightness::and);
+        placed.brightness = lanes.into_iter().fold(placed.brightness, Brightness::and);
     }
 }
 
@@ -274,14 +296,14 @@ fn outside_px([x, y]: [f64; 2], [last_x, last_y]: [f64; 2]) -> f64 {
 }
 
 /// Number of stars in a block.
-pub(super) const STARS: usize = 8;
+const STARS: usize = 8;
 
 /// Numbers of eight stars.
 type Eight = [f64; STARS];
 
 /// Data common to all stars of an exposure.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct BlockPlacer {
+struct BlockPlacer {
     /// Rows of the rotation from ICRF to sensor axes.
     rows: [DVec3; 3],
     focal_px: [f64; 2],
@@ -297,17 +319,17 @@ pub(super) struct BlockPlacer {
 
 /// Places of eight stars; other values of stars that are infinitely far outside are undefined.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Places {
+struct Places {
     /// Distance of the mean places outside the detector, px (infinite: not imaged).
-    pub(super) outside_px: Eight,
-    pub(super) tangent: [Eight; 2],
-    pub(super) mid_px: [Eight; 2],
-    pub(super) mean_px: [Eight; 2],
+    outside_px: Eight,
+    tangent: [Eight; 2],
+    mid_px: [Eight; 2],
+    mean_px: [Eight; 2],
 }
 
 impl BlockPlacer {
     /// Returns a placer for one exposure; `None` outside the domain.
-    pub(super) fn new(camera: &CameraGeometry, los: &LosPath, means: &MeanField) -> Option<Self> {
+    fn new(camera: &CameraGeometry, los: &LosPath, means: &MeanField) -> Option<Self> {
         let (pose, correction) = means.same_for_all_rows()?;
         if camera.is_distorted() {
             return None;
@@ -326,15 +348,34 @@ impl BlockPlacer {
         })
     }
 
-    /// Places eight directions, by component.
+    /// Places eight directions or pixels, by component.
     #[inline(always)]
-    pub(super) fn place(&self, [x, y, z]: &[Eight; 3]) -> Places {
+    fn place(&self, kind: Kind, given: &[Eight; 3]) -> Places {
         let mut places = Places {
             outside_px: [f64::INFINITY; STARS],
             tangent: [[0.0; STARS]; 2],
             mid_px: [[0.0; STARS]; 2],
             mean_px: [[0.0; STARS]; 2],
         };
+        let is_imaged = match kind {
+            Kind::Icrf => self.project(given, &mut places),
+            Kind::Pixel => self.take_px(given, &mut places),
+        };
+        if self.is_still {
+            places.mean_px = places.mid_px;
+        } else {
+            self.mean(&mut places);
+        }
+        for k in 0..STARS {
+            let outside_px = outside_px([places.mean_px[0][k], places.mean_px[1][k]], self.last_px);
+            places.outside_px[k] = if is_imaged[k] { outside_px } else { f64::INFINITY };
+        }
+        places
+    }
+
+    /// Projects eight directions, and returns which are imaged.
+    #[inline(always)]
+    fn project(&self, [x, y, z]: &[Eight; 3], places: &mut Places) -> [bool; STARS] {
         let [row_x, row_y, row_z] = self.rows;
         let [cx, cy] = self.centre_px;
         let [fx, fy] = self.focal_px;
@@ -350,16 +391,23 @@ impl BlockPlacer {
             // A direction behind the camera, or beyond the domain, is not imaged.
             is_imaged[k] = (forward > 0.0) & (u * u + v * v <= self.domain_squared);
         }
-        if self.is_still {
-            places.mean_px = places.mid_px;
-        } else {
-            self.mean(&mut places);
-        }
+        is_imaged
+    }
+
+    /// Takes eight pixels as they are, and returns which are imaged.
+    #[inline(always)]
+    fn take_px(&self, [x, y, _]: &[Eight; 3], places: &mut Places) -> [bool; STARS] {
+        let [cx, cy] = self.centre_px;
+        let [fx, fy] = self.focal_px;
+        places.mid_px = [*x, *y];
+        let mut is_imaged = [false; STARS];
         for k in 0..STARS {
-            let outside_px = outside_px([places.mean_px[0][k], places.mean_px[1][k]], self.last_px);
-            places.outside_px[k] = if is_imaged[k] { outside_px } else { f64::INFINITY };
+            let (u, v) = ((x[k] - cx) / fx, (y[k] - cy) / fy);
+            places.tangent[0][k] = u;
+            places.tangent[1][k] = v;
+            is_imaged[k] = u * u + v * v <= self.domain_squared;
         }
-        places
+        is_imaged
     }
 
     #[inline(always)]
@@ -420,6 +468,17 @@ mod tests {
         Motion { los, image_path: None }
     }
 
+    /// Returns the same places as pixels, and some that no camera has.
+    fn in_pixels(sources: &[Source], camera: &CameraGeometry, motion: &Motion) -> Vec<Source> {
+        let pixel = |source: &Source| {
+            let SourcePlace::Icrf(direction) = source.place else { return *source };
+            let place = StarPlace::of_direction(camera, motion.los.mid_sensor_from_icrf.apply(direction));
+            let px = place.map_or([f64::NAN, f64::INFINITY], |place| place.mid_px);
+            Source { place: SourcePlace::Pixel(px), ..*source }
+        };
+        sources.iter().map(pixel).collect()
+    }
+
     /// Returns directions all over the sky, most of them near the boresight.
     fn sources(motion: &Motion) -> Vec<Source> {
         let back: Rotation<_, _> = motion.los.mid_sensor_from_icrf.inverse();
@@ -434,11 +493,16 @@ mod tests {
 
     #[test]
     fn blocks_place_as_single_stars_do() {
-        for (moves, k1, shutter, in_blocks) in [
-            (true, 0.0, Shutter::Global, true),
-            (false, 0.0, Shutter::Global, true),
-            (true, -0.05, Shutter::Global, false),
-            (true, 0.0, Shutter::Rolling { line_s: 1e-5 }, false),
+        // The sources from this number on have their places in pixels: in the last case but two from the middle of a block.
+        const NONE: usize = usize::MAX;
+        for (moves, k1, shutter, in_blocks, pixels_from) in [
+            (true, 0.0, Shutter::Global, true, NONE),
+            (false, 0.0, Shutter::Global, true, NONE),
+            (true, 0.0, Shutter::Global, true, 0),
+            (false, 0.0, Shutter::Global, true, 0),
+            (true, 0.0, Shutter::Global, true, 1003),
+            (true, -0.05, Shutter::Global, false, NONE),
+            (true, 0.0, Shutter::Rolling { line_s: 1e-5 }, false, 0),
         ] {
             let (camera, motion, illumination) = (camera(k1), motion(moves), Illumination::EVEN);
             let mut probes = Probes::new(&camera, shutter);
@@ -447,7 +511,14 @@ mod tests {
             means.measure(&motion, shutter, &probes);
             let lit = Lit { camera: &camera, illumination: &illumination, still: None };
             assert_eq!(BlockPlacer::new(&camera, &motion.los, &means).is_some(), in_blocks, "{moves} {k1}");
-            let sources = sources(&motion);
+            let mut sources = sources(&motion);
+            let pixels = in_pixels(&sources, &camera, &motion);
+            let first = pixels_from.min(sources.len());
+            sources[first..].copy_from_slice(&pixels[first..]);
+            let kinds: Vec<_> = sources.as_chunks().0.iter().map(kind_of_all).collect();
+            assert_eq!(kinds.contains(&Some(Kind::Icrf)), pixels_from > 0);
+            assert_eq!(kinds.contains(&Some(Kind::Pixel)), pixels_from < NONE);
+            assert_eq!(kinds.iter().filter(|kind| kind.is_none()).count(), usize::from(pixels_from == 1003));
             let (mut stars, mut seen) = (Vec::new(), Vec::new());
             let found = place_stars(&sources, lit, &motion.los, &means, MARGINS, (&mut stars, &mut seen));
             let single = |source: &Source| place_one(source, lit, &motion.los, &means, MARGINS);

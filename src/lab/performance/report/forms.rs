@@ -1,14 +1,14 @@
 //! A report as one HTML file that needs no other, with its plots, and as JUnit XML.
 
-use crate::page::Page;
+use crate::provenance::FileHash;
 use crate::record::{Judged, JudgedCase, Use};
 use crate::report::{CaseRow, Report, data_of, measured, missing, number, percent, rule};
 use crate::requirements::{Judgement, Outcome, Verdict};
-use crate::{assess::Assessment, metric::Metric, noise::SINE, provenance::FileHash};
+use crate::{assess::Assessment, metric::Metric, noise::SINE};
 use base::{units::ARCSEC, xml::escaped};
 use core::fmt::Write;
 use frames::report::plot::{Axis, Scale, Series, Style};
-use frames::report::{Chart, junit, to_svg};
+use frames::report::{Chart, Page, junit, to_svg};
 
 /// Returns the report as HTML; `data` is the hash of the report as JSON beside it.
 pub fn to_html(report: &Report, assessment: &Assessment, data: &FileHash) -> String {
@@ -28,7 +28,7 @@ pub fn to_html(report: &Report, assessment: &Assessment, data: &FileHash) -> Str
     meanings(&mut page, report.metrics.iter().filter(|metric| metric.case.is_some()));
     conditions(&mut page, report);
     cases(&mut page, &report.cases);
-    page.provenance(&report.provenance, usize::MAX);
+    report.provenance.write(&mut page, usize::MAX);
     page.end()
 }
 

@@ -1,6 +1,5 @@
 //! HTML pages that need no other file, while they grow: headings, tables, pictures.
 
-use crate::provenance::Provenance;
 use base::xml::escaped;
 
 /// How every page looks, in light and dark and on paper.
@@ -14,9 +13,9 @@ th{background:var(--head)}td.n{text-align:right;font-variant-numeric:tabular-num
 .how{display:block;color:var(--small);min-width:20em;max-width:44em}td.sign{min-width:14em;height:2.2em}\
 svg{max-width:100%;height:auto;margin:.6em 0}.card{background:#fff;display:inline-block;max-width:100%}\
 svg.line{width:760px;font-size:12px;fill:var(--ink)}svg.line .mark{stroke:var(--mark);stroke-width:4;fill:none}svg.line .axis{stroke:var(--ink)}\
-figure{display:inline-block;vertical-align:top;margin:.4em 1em .4em 0;max-width:18em}figure img{image-rendering:pixelated;max-width:100%;border:1px solid var(--line)}figcaption{font-size:.8em}\
+img{max-width:100%}figure{display:inline-block;vertical-align:top;margin:.4em 1em .4em 0;max-width:18em}figure img{image-rendering:pixelated;max-width:100%;border:1px solid var(--line)}figcaption{font-size:.8em}\
 @media print{@page{margin:14mm}:root{color-scheme:light;--ink:#222;--paper:#fff;--line:#d9d9d9;--head:#f3f3f3;--small:#555}body{max-width:none;margin:0;padding:0;font-size:11px}\
-.wide{overflow:visible}table{width:100%}th,td{padding:.15em .4em;overflow-wrap:break-word}td:last-child{overflow-wrap:anywhere;min-width:6em}.how,td.sign{min-width:0}thead{display:table-header-group}tr,figure,svg,.card{break-inside:avoid}\
+.wide{overflow:visible}table{width:100%}th,td{padding:.15em .4em;overflow-wrap:break-word}td:last-child{overflow-wrap:anywhere;min-width:6em}.how,td.sign{min-width:0}thead{display:table-header-group}tr,img,figure,svg,.card{break-inside:avoid}\
 h1,tr.bad td,tr.open td{print-color-adjust:exact;-webkit-print-color-adjust:exact}h2{break-after:avoid}}";
 
 /// A page.
@@ -89,32 +88,14 @@ impl Page {
         self.end_table();
     }
 
-    /// Adds where a result comes from, with at most so many of its files.
-    pub fn provenance(&mut self, from: &Provenance, most_files: usize) {
-        self.heading("Provenance");
-        let seeds: Vec<String> = from.seeds.iter().map(|(name, seed)| format!("{name} {seed}")).collect();
-        let catalogs: Vec<String> = from.catalogs.iter().map(|(name, what)| format!("{name}: {what}")).collect();
-        self.values([
-            ("made", from.made_utc.clone()),
-            ("command line", from.command_line.join(" ")),
-            ("starloop", format!("{}, SHA-256 {}", from.program_version, from.program_sha256)),
-            ("machine", format!("{}, {}, {}", from.host, from.cpu, from.system)),
-            ("seeds", seeds.join(", ")),
-            ("catalogs", catalogs.join(", ")),
-        ]);
-        self.table(&["file as used", "bytes", "SHA-256"]);
-        for file in from.files.iter().take(most_files) {
-            self.row(&[&file.path, &file.bytes.to_string(), &file.sha256]);
-        }
-        self.end_table();
-        if from.files.len() > most_files {
-            self.paragraph(&format!("{} more are in provenance.json.", from.files.len() - most_files));
-        }
-    }
-
     /// Adds an SVG that is drawn on white.
     pub fn picture(&mut self, svg: &str) {
         self.add(&format!("<div class=\"card\">{svg}</div>"));
+    }
+
+    /// Adds a PNG, in Base64, as wide as the page.
+    pub fn wide_image(&mut self, png: &str, what: &str) {
+        self.add(&format!("<p><img alt=\"{}\" src=\"data:image/png;base64,{png}\"></p>", escaped(what)));
     }
 
     /// Adds a PNG, in Base64, with its caption.
@@ -134,4 +115,35 @@ fn cells<S: AsRef<str>>(kind: &str, texts: &[S]) -> String {
         format!("<{kind}{class}>{}</{kind}>", escaped(text.as_ref()))
     };
     texts.iter().map(cell).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_text_is_markup_wherever_it_comes_from() {
+        const HOSTILE: &str = "<b a=\"1\">&";
+        let mut page = Page::begun(HOSTILE, "met", "");
+        page.heading(HOSTILE);
+        page.paragraph(HOSTILE);
+        page.table(&[HOSTILE]);
+        page.row(&[HOSTILE]);
+        page.end_table();
+        page.values([(HOSTILE, HOSTILE.to_owned())]);
+        page.wide_image("AA==", HOSTILE);
+        page.image("AA==", [1, 1], HOSTILE);
+        let html = page.end();
+        // Title and heading of the page; heading, paragraph, head, cell, both of a value; twice in pictures' texts, and a caption.
+        assert_eq!(html.matches("&lt;b a=&quot;1&quot;&gt;&amp;").count(), 11, "{html}");
+        assert!(!html.contains("<b a") && !html.contains("&amp;lt;"), "{html}");
+        assert!(html.ends_with("</body></html>\n"));
+    }
+
+    #[test]
+    fn numbers_are_on_the_right() {
+        let mut page = Page::default();
+        page.row(&["1.5", "star"]);
+        assert_eq!(page.end(), "<tr><td class=\"n\">1.5</td><td>star</td></tr>\n</body></html>\n");
+    }
 }
