@@ -4,6 +4,7 @@ python3 hil_scripts/tests/test_host_setup.py
 """
 
 import os
+import time
 import unittest
 from pathlib import Path
 
@@ -113,29 +114,43 @@ class HostSetup(unittest.TestCase):
 
 
 class DrawingThreads(InAFolder):
-    def threads(self, clock):
-        """Returns the identifiers of the threads that draw in a run on `clock`, and what the run was refused."""
-        bench = self.written("bench.toml", bench_text("threads") + "[budget]\naffinity = [0]\n")
+    def threads(self, clock, processors):
+        """Returns scheduler and processors of the frame thread and of those that draw with it, and what the run was refused."""
+        bench = self.written("bench.toml", bench_text("threads") + f"[budget]\naffinity = {processors}\n")
         words = ["run", str(bench), "--backend", "cpu", "--sink", "null", "--duration", "600", "--clock", clock]
         with Running(BINARY, *words, cwd=self.folder) as program:
             tasks = Path(f"/proc/{program.process.pid}/task")
-            named = lambda: [int(task.name) for task in tasks.iterdir() if (task / "comm").read_text().startswith("draw ")]
+            is_drawing = lambda task: (task / "comm").read_text().startswith("draw ")
             program.wait_for("^bench ")
-            found = [(thread, os.sched_getscheduler(thread), os.sched_getaffinity(thread)) for thread in named()]
+            frame_thread = program.process.pid
+            ends = time.monotonic() + 5.0
+            while clock == "real" and os.sched_getaffinity(frame_thread) != set(processors) and time.monotonic() < ends:
+                time.sleep(0.01)  # it enters last
+            threads = [frame_thread, *(int(task.name) for task in tasks.iterdir() if is_drawing(task))]
+            found = [(os.sched_getscheduler(thread), os.sched_getaffinity(thread)) for thread in threads]
         return found, "".join(program.said)
 
     def test_they_have_the_priority_and_the_processors_of_the_bench(self):
-        found, said = self.threads("real")
-        self.assertEqual(len(found), 1, f"one for each processor: {said}")
-        (_, policy, processors), = found
-        self.assertEqual(processors, {0})
-        if "drawing threads: first-in-first-out" not in said:
-            self.assertEqual(policy, os.SCHED_FIFO)
+        processors = sorted(os.sched_getaffinity(0))[:2]
+        found, said = self.threads("real", processors)
+        self.assertEqual(len(found), len(processors), f"one for each processor, with the frame thread: {said}")
+        for policy, allowed in found:
+            self.assertEqual(allowed, set(processors))
+        for policy, _ in found[1:]:
+            if "drawing threads: first-in-first-out" not in said:
+                self.assertEqual(policy, os.SCHED_FIFO)
         self.assertNotIn("already been initialized", said)
 
+    def test_one_processor_needs_no_thread_beside_the_frame_thread(self):
+        first = min(os.sched_getaffinity(0))
+        found, said = self.threads("real", [first])
+        self.assertEqual(len(found), 1, said)
+        self.assertEqual(found[0][1], {first})
+
     def test_simulated_time_needs_neither(self):
-        found, _ = self.threads("virtual")
-        self.assertEqual(found, [], "control: threads without a name of their own")
+        found, _ = self.threads("virtual", [0])
+        self.assertEqual(len(found), 1, "control: threads without a name of their own")
+        self.assertEqual(found[0][1], os.sched_getaffinity(0))
 
 
 if __name__ == "__main__":

@@ -212,9 +212,11 @@ pub fn main() -> ExitCode {
 pub(crate) const NO_THREADS: &str =
     "the threads that draw do not start; give the program more memory (ulimit -v), or set RAYON_NUM_THREADS=1";
 
-/// Starts the threads that draw, while there is memory for them: later their absence would be a panic.
+/// Starts the threads that draw, while there is memory for them: later their absence would be a panic. The calling thread is the
+/// first of them, and need not wake another one to begin.
 pub(crate) fn start_threads() -> anyhow::Result<()> {
-    rayon::ThreadPoolBuilder::new().num_threads(thread_count()).build_global().context(NO_THREADS)
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(thread_count());
+    pool.use_current_thread().build_global().context(NO_THREADS)
 }
 
 /// Returns the number of threads that draw, 0 for as many as `RAYON_NUM_THREADS` or the processors. Very many take minutes

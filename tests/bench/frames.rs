@@ -170,5 +170,10 @@ fn frames(c: &mut Criterion) {
     });
 }
 
-criterion_group!(benches, frames, gpu_frames);
+/// Starts the threads that draw as the program does: this one is the first of them.
+fn start_threads(_: &mut Criterion) {
+    rayon::ThreadPoolBuilder::new().use_current_thread().build_global().expect("no threads before");
+}
+
+criterion_group!(benches, start_threads, frames, gpu_frames);
 criterion_main!(benches);

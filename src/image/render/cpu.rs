@@ -159,16 +159,15 @@ impl DrawBand<'_> {
     fn draw<S: Simd, const FUSED: bool>(self, simd: S) {
         let Self { draw, mut target, index } = self;
         target.pixels.fill(0.0);
-        let mut splats = Splats::NONE;
         let [mut from_psf, mut from_kernels] = draw.bands.once(target.first_row, target.rows);
         if let Some(weights) = draw.weights {
-            for spot in from_psf {
+            for spot in from_psf.by_ref() {
                 draw.gaussian::<S, FUSED>(simd, &mut target, weights, spot);
             }
-        } else {
-            while splats.take(&mut from_psf) {
-                draw.block::<S, FUSED>(simd, &mut target, &splats);
-            }
+        }
+        let mut splats = Splats::NONE;
+        while splats.take(&mut from_psf) {
+            draw.block::<S, FUSED>(simd, &mut target, &splats);
         }
         while splats.take(&mut from_kernels) {
             draw.stamps::<FUSED>(&mut target, &splats);

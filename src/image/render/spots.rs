@@ -138,7 +138,10 @@ impl<'a, C: Iterator<Item = &'a Spots> + Clone> BandSpots<'a, C> {
     /// Returns the stars of chunks with these groups that reach so many rows of the image from `first`.
     #[inline(always)]
     pub(super) fn new(chunks: C, groups: Groups, first: i32, rows: i32) -> Self {
-        let (reaching, groups) = groups.of_band(first, rows);
+        let (reaching, mut groups) = groups.of_band(first, rows);
+        if chunks.clone().all(|chunk| chunk.sorted.is_empty()) {
+            groups = 0..0;
+        }
         Self { left: chunks.clone(), chunks, reaching, groups, spots: [].iter() }
     }
 }

@@ -95,8 +95,9 @@ impl Hygiene {
         self
     }
 
-    /// Locks memory and starts the drawing threads, `threads` of them: 0 for as many as there are processors. Call before
-    /// anything is drawn: rayon starts them once.
+    /// Locks memory and starts the drawing threads, so that `threads` draw: 0 for as many as there are processors. The
+    /// calling thread becomes the first of them: the frame thread draws at once what the others would be woken for. Call
+    /// before anything is drawn: rayon starts them once.
     ///
     /// # Errors
     /// When the threads cannot start, or run already.
@@ -107,7 +108,7 @@ impl Hygiene {
         let hygiene = Arc::clone(self);
         let threads = if self.params.affinity.is_empty() { threads } else { self.params.affinity.len() };
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).thread_name(|i| format!("draw {i}"));
-        pool.start_handler(move |_| hygiene.enter(Role::Drawing)).build_global()
+        pool.use_current_thread().start_handler(move |_| hygiene.enter(Role::Drawing)).build_global()
     }
 
     /// Applies the settings to the calling thread, and touches its stack.
