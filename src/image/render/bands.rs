@@ -207,26 +207,6 @@ fn reserve(members: &mut Vec<Trail>) {
     }
 }
 
-/// Splits a position into pixel and fraction.
-#[inline(always)]
-fn spot(px: [f64; 2], electrons: f64, kernel: u32) -> Spot {
-    let whole = px.map(|px| (px + 0.5).floor());
-    let [column, row] = whole.map(whole_i32);
-    let fraction = [0, 1].map(|axis| (px[axis] - whole[axis]) as f32);
-    Spot { column, row, fraction, electrons: electrons as f32, kernel }
-}
-
-/// Returns a whole number within 2^30 as an integer; beyond, and of no number, one far off every detector: a target may
-/// lead there. An `as` cast takes four times as many instructions.
-#[inline(always)]
-fn whole_i32(whole: f64) -> i32 {
-    const FAR: f64 = 1_073_741_824.0;
-    const INTEGER_MAGIC: f64 = 6_755_399_441_055_744.0; // 1.5 * 2^52
-    #[allow(clippy::manual_clamp, reason = "of no number, `clamp` makes none; `max` takes the other one")]
-    let within = whole.max(-FAR).min(FAR);
-    ((within + INTEGER_MAGIC).to_bits() as u32).cast_signed()
-}
-
 /// One chunk's stars, in the shape `pulp` compiles once per vector level.
 struct SortStars<'a> {
     plan: &'a ExposurePlan,
@@ -244,7 +224,7 @@ impl NullaryFnOnce for SortStars<'_> {
         let Self { plan, regions, stars, places, rows, chunk } = self;
         let Chunk { once, trails, whole } = chunk;
         let mut push = |place: &ListPlace, mean_px: [f64; 2], electrons: f64| {
-            once[usize::from(place.is_kernel)].push(spot(mean_px, electrons, place.table));
+            once[usize::from(place.is_kernel)].push(Spot::at(mean_px, electrons, place.table));
         };
         for star in stars {
             if let Some(place) = places.get(star.list as usize).filter(|place| place.is_spot) {
@@ -286,7 +266,7 @@ fn sort_trail(
         return;
     }
     let trail = Trail {
-        spot: spot(origin_px, electrons, table),
+        spot: Spot::at(origin_px, electrons, table),
         list: u32::try_from(list).unwrap_or(u32::MAX),
         tangent: star.place.tangent.to_array().map(|v| v as f32),
         px_per_tangent: track.px_per_tangent.map(|row| row.map(|v| v as f32)),
@@ -349,19 +329,4 @@ pub(super) fn add_clipped<const FUSED: bool>(
     target[lanes.clone()].copy_from_slice(pixels);
     add_lanes::<FUSED>(&mut target, values, gain);
     pixels.copy_from_slice(&target[lanes]);
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn far_places_stay_off_the_detector() {
-        for px in [1e10, -1e10, 4_294_967_346.0, f64::INFINITY, f64::NEG_INFINITY, f64::NAN] {
-            assert!(whole_i32(px).unsigned_abs() > 1_000_000_000, "{px}");
-        }
-        for px in [-3, 0, 7, 100_000] {
-            assert_eq!(whole_i32(f64::from(px)), px, "control: near ones are themselves");
-        }
-    }
 }

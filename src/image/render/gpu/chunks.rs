@@ -3,7 +3,7 @@
 //! Chunks depend on the number of stars alone, and sums over them are taken in their order: the image is the same whatever
 //! the number of threads. Stars without a table layer come first: the pass that draws them takes the first of a block.
 
-use crate::render::gpu::stars::{BoxPx, NO_TRACK, Source, SpotRecord, TrackRecord, record};
+use crate::render::gpu::stars::{BoxPx, NO_TRACK, Source, SpotRecord, TrackRecord, spot, trail};
 use crate::{gpu::GpuError, gpu::buffers::GrowableBuffer, gpu::device::GpuDevice, render::gpu::scale::TileBounds};
 use base::vector_level::vector_level;
 use core::ops::Range;
@@ -17,6 +17,8 @@ const MOST_CHUNKS: usize = 16;
 const LEAST_STARS: usize = 1024;
 /// Capacity of a chunk for stars that are drawn whole.
 const WHOLE_RESERVED: usize = 64;
+/// Lists that are allocated from the start.
+const LISTS_RESERVED: usize = 4096;
 /// Block of one invocation of the splat pass.
 const SPLAT_BLOCK_PX: [usize; 2] = [16, 8];
 /// Block of one invocation of the table pass.
@@ -30,6 +32,14 @@ struct Group {
     tracks: Vec<TrackRecord>,
     /// Blocks of the largest box.
     most_blocks: usize,
+}
+
+/// What the stars of one list are drawn from.
+#[derive(Debug, Clone, Copy)]
+struct ListSource {
+    source: Source,
+    /// Each is drawn once, by this list alone.
+    is_spot: bool,
 }
 
 /// The stars that one thread prepared.
@@ -48,6 +58,7 @@ struct Chunk {
 pub(super) struct Chunks {
     arch: Arch,
     size: [usize; 2],
+    lists: Vec<ListSource>,
     chunks: Vec<Chunk>,
     used: usize,
     bounds: TileBounds,
@@ -55,9 +66,8 @@ pub(super) struct Chunks {
 
 impl Group {
     #[inline(always)]
-    fn push(&mut self, spot: SpotRecord, track: Option<TrackRecord>, (_, size): BoxPx, block: [usize; 2]) {
+    fn push(&mut self, spot: SpotRecord, (_, size): BoxPx, block: [usize; 2]) {
         self.most_blocks = self.most_blocks.max(size[0].div_ceil(block[0]) * size[1].div_ceil(block[1]));
-        self.tracks.extend(track);
         self.spots.push(spot);
     }
 
@@ -101,6 +111,25 @@ impl Chunk {
         }
     }
 
+    /// Returns the group of stars that are drawn from a source, and the block of its pass.
+    #[inline(always)]
+    fn group(&mut self, source: Source) -> (&mut Group, [usize; 2]) {
+        match source.layer {
+            None => (&mut self.analytic, SPLAT_BLOCK_PX),
+            Some(_) => (&mut self.tabled, TABLE_BLOCK_PX),
+        }
+    }
+
+    /// Adds a star that reaches the image.
+    #[inline(always)]
+    fn take(&mut self, star: Option<(SpotRecord, BoxPx)>, source: Source, peak: f64) {
+        if let Some((spot, box_px)) = star {
+            self.bounds.add(box_px, f64::from(spot.electrons.abs()) * peak);
+            let (group, block_px) = self.group(source);
+            group.push(spot, box_px, block_px);
+        }
+    }
+
     fn clear(&mut self) {
         self.analytic.clear();
         self.tabled.clear();
@@ -113,21 +142,27 @@ impl Chunk {
 impl Chunks {
     /// Returns no stars, for an image of this size.
     pub(super) fn new(size: [usize; 2]) -> Self {
-        Self { arch: vector_level(), size, chunks: Vec::new(), used: 0, bounds: TileBounds::new(size) }
+        let lists = Vec::with_capacity(LISTS_RESERVED);
+        Self { arch: vector_level(), size, lists, chunks: Vec::new(), used: 0, bounds: TileBounds::new(size) }
     }
 
     /// Takes the stars of a plan that touch the image. `source`: the image of the stars of a list; `peak`: the largest
     /// share of a star's electrons that any pixel receives.
-    pub(super) fn fill(&mut self, plan: &ExposurePlan, source: impl Fn(usize) -> Source + Sync, peak: f64) {
-        let Self { arch, size, chunks, used, bounds } = self;
+    pub(super) fn fill(&mut self, plan: &ExposurePlan, source: impl Fn(usize) -> Source, peak: f64) {
+        let Self { arch, size, lists, chunks, used, bounds } = self;
+        lists.clear();
+        lists.extend(plan.lists.iter().enumerate().map(|(number, list)| {
+            let is_spot = matches!(list.drawing, Drawing::Once | Drawing::Kernel(_));
+            ListSource { source: source(number), is_spot }
+        }));
         let stars_a_chunk = plan.stars.len().div_ceil(MOST_CHUNKS).max(LEAST_STARS);
         *used = plan.stars.len().div_ceil(stars_a_chunk);
         if chunks.len() < *used {
             chunks.resize_with(*used, || Chunk::new(*size));
         }
-        let (chunks, size) = (&mut chunks[..*used], *size);
+        let (chunks, lists, size) = (&mut chunks[..*used], lists.as_slice(), *size);
         let fill = |(chunk, stars): (&mut Chunk, &[PlannedStar])| {
-            arch.dispatch(FillChunk { plan, stars, source: &source, peak, size, chunk });
+            arch.dispatch(FillChunk { plan, stars, lists, peak, size, chunk });
         };
         match &mut *chunks {
             [] => {}
@@ -222,37 +257,43 @@ impl Chunks {
 }
 
 /// One chunk's work, in the shape `pulp` compiles once per vector level.
-struct FillChunk<'a, S> {
+struct FillChunk<'a> {
     plan: &'a ExposurePlan,
     stars: &'a [PlannedStar],
-    source: &'a S,
+    lists: &'a [ListSource],
     peak: f64,
     size: [usize; 2],
     chunk: &'a mut Chunk,
 }
 
-impl<S: Fn(usize) -> Source> NullaryFnOnce for FillChunk<'_, S> {
+impl NullaryFnOnce for FillChunk<'_> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
-        let Self { plan, stars, source, peak, size, chunk } = self;
+        let Self { plan, stars, lists, peak, size, chunk } = self;
         chunk.clear();
         for star in stars {
-            if plan.list_of(star).drawing == Drawing::Whole {
-                chunk.whole.push(*star);
+            let own = lists[star.list as usize];
+            if own.is_spot {
+                chunk.take(spot(star.mean_px, star.drawn_e, own.source, size), own.source, peak);
                 continue;
             }
-            for part in plan.parts(star) {
-                let source = source(part.0);
-                let Some((mut spot, track, box_px)) = record(plan, star, part, source, size) else { continue };
-                chunk.bounds.add(box_px, f64::from(spot.electrons.abs()) * peak);
-                if let Some(track) = &track {
-                    chunk.most_nodes = chunk.most_nodes.max(track.nodes as usize);
-                    spot.track = 0; // until all are numbered
-                }
-                match source.layer {
-                    None => chunk.analytic.push(spot, track, box_px, SPLAT_BLOCK_PX),
-                    Some(_) => chunk.tabled.push(spot, track, box_px, TABLE_BLOCK_PX),
+            for (list, share) in plan.parts(star) {
+                let (source, electrons) = (lists[list].source, share * star.drawn_e);
+                let list = &plan.lists[list];
+                match list.drawing {
+                    Drawing::Whole => chunk.whole.push(*star),
+                    Drawing::Nodes => {
+                        let Some((spot, track, box_px)) = trail(plan, star, (list, electrons), source, size) else {
+                            continue;
+                        };
+                        chunk.most_nodes = chunk.most_nodes.max(track.nodes as usize);
+                        chunk.group(source).0.tracks.push(track);
+                        chunk.take(Some((spot, box_px)), source, peak);
+                    }
+                    Drawing::Once | Drawing::Kernel(_) | Drawing::Blend(_) => {
+                        chunk.take(spot(star.mean_px, electrons, source, size), source, peak);
+                    }
                 }
             }
         }

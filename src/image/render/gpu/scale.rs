@@ -13,10 +13,14 @@ const TILE_PX: usize = 32;
 /// Share by which single-precision sums may exceed the bound.
 const ROUNDING_SHARE: f64 = 1e-4;
 
+/// Sums that nobody reads: of the tiles beside and below a box that has none there.
+const SPARE: usize = 3;
+
 /// Bound of the electrons in any pixel of a tile.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) struct TileBounds {
     columns: usize,
+    /// Row by row; behind them the spare sums.
     tiles: Vec<f64>,
 }
 
@@ -24,7 +28,7 @@ impl TileBounds {
     /// Returns the scale for an image of this size.
     pub(super) fn new(size: [usize; 2]) -> Self {
         let [columns, rows] = size.map(|n| n.div_ceil(TILE_PX));
-        Self { columns, tiles: vec![0.0; columns * rows] }
+        Self { columns, tiles: vec![0.0; columns * rows + SPARE] }
     }
 
     pub(super) fn clear(&mut self) {
@@ -32,10 +36,25 @@ impl TileBounds {
     }
 
     /// Adds a star that gives no pixel of its box (first pixel, size) more than `most_e`.
+    #[inline(always)]
     pub(super) fn add(&mut self, (start, size): ([usize; 2], [usize; 2]), most_e: f64) {
-        let tiles = |axis: usize| start[axis] / TILE_PX..(start[axis] + size[axis]).div_ceil(TILE_PX);
-        for row in self.tiles.chunks_exact_mut(self.columns.max(1)).take(tiles(1).end).skip(tiles(1).start) {
-            row.iter_mut().take(tiles(0).end).skip(tiles(0).start).for_each(|tile| *tile += most_e);
+        let [columns, rows] =
+            [0, 1].map(|axis| [start[axis] / TILE_PX, (start[axis] + size[axis]).saturating_sub(1) / TILE_PX]);
+        let at = |row: usize, column: usize| rows[row] * self.columns + columns[column];
+        let [across, down] = [columns, rows].map(|[first, last]| last - first);
+        if across <= 1 && down <= 1 {
+            // Most boxes: without a branch, and no tile twice, which would have to wait for its first sum.
+            let spare = self.tiles.len() - SPARE;
+            let (right, below) = (across > 0, down > 0);
+            self.tiles[at(0, 0)] += most_e;
+            self.tiles[if right { at(0, 1) } else { spare }] += most_e;
+            self.tiles[if below { at(1, 0) } else { spare + 1 }] += most_e;
+            self.tiles[if right && below { at(1, 1) } else { spare + 2 }] += most_e;
+            return;
+        }
+        for row in rows[0]..=rows[1] {
+            let row = row * self.columns;
+            self.tiles[row + columns[0]..=row + columns[1]].iter_mut().for_each(|tile| *tile += most_e);
         }
     }
 
@@ -46,7 +65,8 @@ impl TileBounds {
 
     /// Returns the scale when any pixel receives at most `additions` additions.
     pub(super) fn scale(&self, additions: f64) -> f32 {
-        let most_e = self.tiles.iter().copied().fold(0.0, f64::max) * (1.0 + ROUNDING_SHARE);
+        let tiles = &self.tiles[..self.tiles.len() - SPARE];
+        let most_e = tiles.iter().copied().fold(0.0, f64::max) * (1.0 + ROUNDING_SHARE);
         let space = f64::from(i32::MAX) - 0.5 * additions;
         let mut scale = LARGEST_SCALE;
         while most_e * scale > space && scale > f64::from(f32::MIN_POSITIVE) {

@@ -1,8 +1,9 @@
 //! A plan's stars and nodes in the layout of the shaders, with the box each star stays in.
 
+use crate::render::spots::pixel_and_fraction;
 use bytemuck::{Pod, Zeroable};
 use plan::exposure::pose::{PathNode, ROLL, SHIFT};
-use plan::exposure::{Drawing, ExposurePlan, PlannedStar};
+use plan::exposure::{ExposurePlan, PlannedStar};
 use plan::exposure::{plan::NodeList, track::StarTrack};
 
 /// `Spot` of `place.wgsl`: all there is of a star that is drawn once.
@@ -55,6 +56,8 @@ pub(super) struct Source {
 
 /// Rows and columns beyond the probes' extent of the path that a star may be led, px.
 const SLACK_PX: i64 = 2;
+/// Extent of a path that counts, px: more than any detector.
+const FURTHEST_PX: f64 = 1e9;
 
 impl NodeRecord {
     /// The node of a star that is drawn once.
@@ -76,57 +79,64 @@ pub(super) fn fill_nodes(plan: &ExposurePlan, nodes: &mut Vec<NodeRecord>) {
     nodes.extend(plan.nodes.iter().map(NodeRecord::new));
 }
 
-/// Returns a star as a list draws it, with its share of the light, its track if it has one, and its box; `None` where it does
-/// not reach an image of `size` px.
-#[allow(clippy::cast_possible_truncation, reason = "the planner keeps positions within a few detectors of the origin")]
+/// Returns a star that is drawn once, at `px`, and its box; `None` where it does not reach an image of `size` px.
 #[inline(always)]
-pub(super) fn record(
+pub(super) fn spot(px: [f64; 2], electrons: f64, source: Source, size: [usize; 2]) -> Option<(SpotRecord, BoxPx)> {
+    let (origin, fraction) = pixel_and_fraction(px);
+    let box_px = box_about(origin, source.half_px.map(|half| half as i64), size)?;
+    let half_px = packed(source.half_px.map(|half| half as u32));
+    let layer = source.layer.unwrap_or(0);
+    Some((SpotRecord { origin, fraction, electrons: electrons as f32, layer, half_px, track: NO_TRACK }, box_px))
+}
+
+/// Returns a star that is drawn at every node of a list, with its track and its box; `None` where it does not reach an image
+/// of `size` px.
+#[allow(clippy::cast_possible_truncation, reason = "the planner keeps paths within a few detectors")]
+#[inline(always)]
+pub(super) fn trail(
     plan: &ExposurePlan,
     star: &PlannedStar,
-    (list, share): (usize, f64),
+    (list, electrons): (&NodeList, f64),
     source: Source,
     size: [usize; 2],
-) -> Option<(SpotRecord, Option<TrackRecord>, BoxPx)> {
-    let list = plan.lists.get(list)?;
-    let track = matches!(list.drawing, Drawing::Nodes).then(|| StarTrack::new(&plan.camera, star.place));
-    let px = track.map_or(star.mean_px, |track| plan.origin_px(star, &track));
-    let whole = px.map(|v| (v + 0.5).floor());
-    let (middle, path) = match track {
-        Some(_) => (star.mean_px.map(|v| (v + 0.5).floor()), plan.extent_px.ceil() as i64 + SLACK_PX),
-        None => (whole, 0),
+) -> Option<(SpotRecord, TrackRecord, BoxPx)> {
+    let track = StarTrack::new(&plan.camera, star.place);
+    let (middle, _) = pixel_and_fraction(star.mean_px);
+    let path_px = plan.extent_px.ceil().min(FURTHEST_PX) as i64 + SLACK_PX;
+    let box_px = box_about(middle, source.half_px.map(|half| half as i64 + path_px), size)?;
+    let (origin, fraction) = pixel_and_fraction(plan.origin_px(star, &track));
+    let layer = source.layer.unwrap_or(0);
+    let half_px = packed(source.half_px.map(|half| half as u32));
+    // Its track gets a number when all tracks are there.
+    let spot = SpotRecord { origin, fraction, electrons: electrons as f32, layer, half_px, track: 0 };
+    let ([[xu, xv], [yu, yv]], (first_node, nodes)) =
+        (track.px_per_tangent.map(|row| row.map(|v| v as f32)), node_range(list));
+    let track = TrackRecord {
+        px_per_tangent: [xu, xv, yu, yv],
+        tangent: star.place.tangent.to_array().map(|v| v as f32),
+        from_principal_px: track.from_principal_px.map(|v| v as f32),
+        box_start: box_px.0.map(|first| first as i32),
+        box_size: packed(box_px.1.map(|side| side as u32)),
+        first_node,
+        nodes,
+        padding: [0; 3],
     };
+    Some((spot, track, box_px))
+}
+
+/// Returns the pixels of an image of `size` px that are not further from `middle` than `reach`; `None` where there are none.
+#[inline(always)]
+fn box_about(middle: [i32; 2], reach: [i64; 2], size: [usize; 2]) -> Option<BoxPx> {
     let (mut start, mut sides) = ([0; 2], [0; 2]);
     for axis in 0..2 {
-        let reach = path + source.half_px[axis] as i64;
-        let (first, last) =
-            ((middle[axis] as i64 - reach).max(0), (middle[axis] as i64 + reach).min(size[axis] as i64 - 1));
-        start[axis] = usize::try_from(first).ok()?;
-        // Empty boxes end here; 16 bits hold the longest side of an image the device takes.
-        sides[axis] = u16::try_from(last - first + 1).ok().filter(|n| *n > 0)?;
-    }
-    let spot = SpotRecord {
-        origin: whole.map(|v| v as i32),
-        fraction: [(px[0] - whole[0]) as f32, (px[1] - whole[1]) as f32],
-        electrons: (share * star.drawn_e) as f32,
-        layer: source.layer.unwrap_or(0),
-        half_px: packed(source.half_px.map(|half| half as u32)),
-        track: NO_TRACK,
-    };
-    let own = track.map(|track| {
-        let ([[xu, xv], [yu, yv]], (first_node, nodes)) =
-            (track.px_per_tangent.map(|row| row.map(|v| v as f32)), node_range(list));
-        TrackRecord {
-            px_per_tangent: [xu, xv, yu, yv],
-            tangent: star.place.tangent.to_array().map(|v| v as f32),
-            from_principal_px: track.from_principal_px.map(|v| v as f32),
-            box_start: start.map(|first| first as i32),
-            box_size: packed(sides.map(u32::from)),
-            first_node,
-            nodes,
-            padding: [0; 3],
+        let middle = i64::from(middle[axis]);
+        let (first, end) = ((middle - reach[axis]).max(0), (middle + reach[axis] + 1).min(size[axis] as i64));
+        if first >= end {
+            return None;
         }
-    });
-    Some((spot, own, (start, sides.map(usize::from))))
+        (start[axis], sides[axis]) = (first as usize, (end - first) as usize);
+    }
+    Some((start, sides))
 }
 
 /// Returns two numbers of 16 bits in one.
