@@ -222,11 +222,17 @@ def noise_differs(numbers, reference, scene):
     return "" if abs(e.var() / variance - 1.0) < 0.05 else f"variance {e.var():.1f} e-^2, not {variance:.1f}"
 
 
+WARM_UP_S = 0.05
+"""As in `starloop render --timing`: until the system has given new threads a processor each."""
+
+
 def median_ms(work, budget_s):
-    """Warm-up (not timed for the result), then the median of 3 to 21 times within the budget; the first for slow ones."""
+    """Warm-up as long as starloop's, then the median of 3 to 21 times within the budget; the first for slow ones."""
     begin = time.perf_counter()
     result = work()
     first_s = time.perf_counter() - begin
+    while time.perf_counter() - begin < WARM_UP_S:
+        result = work()
     times = []
     while len(times) < 21 and (len(times) < 3 or sum(times) < budget_s):
         if first_s > budget_s and times:

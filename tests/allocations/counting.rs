@@ -27,14 +27,12 @@ pub(crate) struct Found {
 }
 
 impl Found {
-    /// Returns true when a line of this repository is on the stack and the block does not belong to rayon's queue of
-    /// jobs from threads outside its pool, which allocates one for every 63 of them: it does not grow with what we
-    /// draw, and cannot be reserved. The test harness's own thread notes a test that it has started, waits for its end,
-    /// and prints a line while it takes long.
+    /// Returns true when a line of this repository is on the stack. The test harness's own thread notes a test that it has
+    /// started, waits for its end, and prints a line while it takes long.
     pub(crate) fn is_ours(&self) -> bool {
         let harness = ["get_timed_out_tests", "write_timeout", "RunningTest", "TimeoutEntry", "CompletedTest"];
         let is_the_harness = harness.iter().any(|name| self.stack.contains(name));
-        self.stack.contains("at ./") && !self.stack.contains("crossbeam_deque::deque::Injector") && !is_the_harness
+        self.stack.contains("at ./") && !is_the_harness
     }
 
     /// Returns the innermost calls of starloop; the whole stack where they have no name.

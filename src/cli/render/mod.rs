@@ -103,7 +103,7 @@ pub struct RenderArgs {
     /// columns
     #[arg(long, value_name = "FILE.csv")]
     truth: Option<PathBuf>,
-    /// Print milliseconds per stage (median of several after a warm-up) as one JSON line
+    /// Print milliseconds per stage (median of several after a warm-up of 50 ms) as one JSON line
     #[arg(long)]
     timing: bool,
     /// Print what was written as one line of JSON
@@ -315,8 +315,14 @@ impl Scene {
     fn time(&mut self, stage: StageName) -> Result<serde_json::Value> {
         const MOST_REPEATS: usize = 21;
         const LONG_ENOUGH_S: f64 = 5.0;
+        /// Until the system has given threads that have just started a processor each.
+        const WARM_UP_S: f64 = 0.05;
         let mut repeats: Vec<[f64; 4]> = Vec::new();
         let mut total_s = 0.0;
+        while total_s < WARM_UP_S {
+            total_s += self.draw(stage)?.iter().map(|span| span.s()).sum::<f64>();
+        }
+        total_s = 0.0;
         while repeats.len() < MOST_REPEATS && (repeats.len() < 3 || total_s < LONG_ENOUGH_S) {
             let times = self.draw(stage)?.map(Span::ms);
             total_s += times.iter().sum::<f64>() * 1e-3;
