@@ -31,8 +31,10 @@ use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 const EXPOSURE_S: f64 = 0.1;
 /// Focal length, px: a 20 degree field on 1024 pixels.
 const FOCAL_PX: f64 = 2900.0;
-/// Path of the scenes with motion, px.
+/// Width and height of the path of the scenes with motion, px.
 const PATH_PX: f64 = 3.0;
+/// Steps of its positions along x and y, as shares of that: powers of the inverse of the plastic number, which spread them evenly.
+const STEPS: [f64; 2] = [0.754_877_666_246_692_7, 0.569_840_290_998_053_3];
 /// Longest time spent on one scene, s.
 const SCENE_S: f64 = 0.8;
 /// Frames drawn before any is timed.
@@ -265,10 +267,13 @@ fn planner(scene: &Scene, side_px: usize, cost: CostModel) -> Result<Planner> {
     Ok(planner)
 }
 
-/// Returns a straight path as a list of positions.
+/// Returns positions all over a square: the kernel of a straight path has fewer terms, and would promise too much for jitter.
 fn path(positions: usize) -> Option<PixelPath> {
-    let at = |i: usize| PATH_PX * ((i as f64 + 0.5) / positions as f64 - 0.5);
-    let point = |i| PixelPoint { t_s: 0.0, dx_px: at(i), dy_px: 0.3 * at(i), roll_rad: 0.0 };
+    let share = |i: usize| core::array::from_fn(|axis| (i as f64 * STEPS[axis]).fract() - 0.5);
+    let point = |i| {
+        let [dx_px, dy_px] = share(i).map(|share: f64| PATH_PX * share);
+        PixelPoint { t_s: 0.0, dx_px, dy_px, roll_rad: 0.0 }
+    };
     PixelPath::samples((0..positions).map(point).collect()).ok()
 }
 

@@ -34,7 +34,7 @@ struct Group {
     most_blocks: usize,
 }
 
-/// What the stars of one list are drawn from.
+/// The source of the stars of one list.
 #[derive(Debug, Clone, Copy)]
 struct ListSource {
     source: Source,

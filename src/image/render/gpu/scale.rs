@@ -13,7 +13,7 @@ const TILE_PX: usize = 32;
 /// Share by which single-precision sums may exceed the bound.
 const ROUNDING_SHARE: f64 = 1e-4;
 
-/// Sums that nobody reads: of the tiles beside and below a box that has none there.
+/// Sums without a reader: of the tiles beside and below a box that has none there.
 const SPARE: usize = 3;
 
 /// Bound of the electrons in any pixel of a tile.
