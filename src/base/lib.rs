@@ -1,7 +1,8 @@
 //! Types and functions for every crate: axes and rotations, time, clocks, images, colours of pixels, counter-based
 //! random numbers, the accuracy budget, how frames are drawn, sources on the sky, standard output and standard error,
 //! files that are read as a whole, refusals, names of unfinished files, locks of files, queues to writing threads and
-//! the limit of waiting for them, text for XML, enums of words, and what several crates compute: medians, zeros, least squares.
+//! the limit of waiting for them, text for XML, enums of words, and what several crates compute: medians, zeros, sines,
+//! least squares.
 
 pub mod accuracy;
 pub mod axes;
@@ -20,6 +21,7 @@ pub mod patience;
 pub mod random;
 pub mod refused;
 pub mod region;
+pub mod sines;
 pub mod source;
 pub mod source_id;
 pub mod streams;

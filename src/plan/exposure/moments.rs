@@ -14,7 +14,9 @@
 //! difference taken at its centre and the sum doubled (`CELL_SAFETY`). Tests: `tests/physics` compares it with the
 //! reference.
 
-use core::f64::consts::PI;
+use base::{sines::sines_of_turns, vector_level::vector_level};
+use core::f64::consts::{PI, TAU};
+use pulp::NullaryFnOnce;
 
 /// One instant of a star's path on the detector: weight, displacement about the path's mean along x and y, px.
 pub type TracePoint = [f64; 3];
@@ -142,23 +144,7 @@ impl Sensitivity {
 
     /// Returns the characteristic function of a trace.
     pub fn spectrum(&self, trace: &[TracePoint]) -> Spectrum {
-        let mut sum = NOTHING;
-        let along: [[f64; 2]; DIRECTIONS] = core::array::from_fn(|d| {
-            let (sin, cos) = angle(d as f64).sin_cos();
-            [self.step * cos, self.step * sin]
-        });
-        for &[weight, x, y] in trace {
-            for (sums, [kx, ky]) in sum.iter_mut().zip(along) {
-                let (sin, cos) = (kx * x + ky * y).sin_cos();
-                let (mut re, mut im) = (weight, 0.0);
-                for [a, b] in sums {
-                    (re, im) = (re * cos - im * sin, re * sin + im * cos);
-                    *a += re;
-                    *b += im;
-                }
-            }
-        }
-        sum
+        vector_level().dispatch(Transform { step: self.step, trace })
     }
 
     /// Returns bounds for an image drawn with `drawn` instead of `truth`: first moment of the 5 x 5 window, px times
@@ -167,12 +153,52 @@ impl Sensitivity {
         let (mut centroid, mut peak) = (0.0, 0.0);
         for (weights, (a, b)) in self.centroid.iter().zip(drawn.iter().zip(truth)) {
             for j in 0..RADII {
-                let difference = (a[j][0] - b[j][0]).hypot(a[j][1] - b[j][1]);
+                let [re, im] = [a[j][0] - b[j][0], a[j][1] - b[j][1]];
+                let difference = (re * re + im * im).sqrt();
                 centroid += weights[j] * difference;
                 peak += self.peak[j] * difference;
             }
         }
         (centroid, peak)
+    }
+}
+
+/// Number of instants whose waves are summed side by side.
+const LANES: usize = 8;
+
+/// Characteristic function of a trace, in the shape `pulp` compiles once per vector level. Multiplications and additions
+/// are not fused, so all levels find the same numbers.
+struct Transform<'a> {
+    step: f64,
+    trace: &'a [TracePoint],
+}
+
+impl NullaryFnOnce for Transform<'_> {
+    type Output = Spectrum;
+    #[inline(always)]
+    fn call(self) -> Spectrum {
+        let mut spectrum = NOTHING;
+        for (d, radii) in spectrum.iter_mut().enumerate() {
+            let (sin, cos) = angle(d as f64).sin_cos();
+            let [kx, ky] = [cos, sin].map(|along| self.step * along / TAU);
+            let mut sums = [[[0.0; LANES]; 2]; RADII];
+            for instants in self.trace.chunks(LANES) {
+                let (mut re, mut im, mut turns) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+                for (i, [weight, x, y]) in instants.iter().enumerate() {
+                    (re[i], turns[i]) = (*weight, kx * x + ky * y);
+                }
+                let (sin, cos) = (sines_of_turns(turns), sines_of_turns(turns.map(|turns| turns + 0.25)));
+                for [a, b] in &mut sums {
+                    for i in 0..LANES {
+                        (re[i], im[i]) = (re[i] * cos[i] - im[i] * sin[i], re[i] * sin[i] + im[i] * cos[i]);
+                        a[i] += re[i];
+                        b[i] += im[i];
+                    }
+                }
+            }
+            *radii = sums.map(|parts| parts.map(|lanes| lanes.iter().sum()));
+        }
+        spectrum
     }
 }
 

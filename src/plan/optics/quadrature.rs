@@ -42,10 +42,10 @@ pub fn gauss_legendre(n: usize) -> Vec<Node> {
 
 /// Largest rule that a thread keeps.
 pub const MOST_KEPT_NODES: usize = 520;
-/// Number of rules that a thread keeps: a method's and that of the denser list it is compared with.
-const KEPT: usize = 2;
+/// Number of rules that a thread keeps: a method's, that of the denser list it is compared with, and those of short segments.
+const KEPT: usize = 4;
 
-/// The rules that a thread used last: a plan uses the same two many times, and a rule costs the square of its nodes.
+/// The rules that a thread used last: a plan uses the same few many times, and a rule costs the square of its nodes.
 struct KeptRules {
     lengths: [usize; KEPT],
     nodes: [[Node; MOST_KEPT_NODES]; KEPT],
