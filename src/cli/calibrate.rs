@@ -114,18 +114,22 @@ fn table(found: &Calibration, owner: &CostOwner) -> String {
             scene.name, scene.stars, scene.render_ms
         );
     }
-    let CostModel { frame_ms, pixel_ns, star_ns, motion_ms, motion_star_ns, splat_ns, .. } = found.cost;
-    let CostModel { table_pixel_ns, base_pixel_ns, kernel_node_ns, kernel_entry_ns, threads, readout_pixel_ns, .. } =
+    let CostModel { frame_ms, pixel_ns, far_pixel_ns, star_ns, motion_ms, path_step_ns, motion_star_ns, .. } =
         found.cost;
+    let CostModel { splat_ns, table_pixel_ns, product_pixel_ns, base_pixel_ns, kernel_node_ns, .. } = found.cost;
+    let CostModel { kernel_entry_ns, threads, readout_pixel_ns, .. } = found.cost;
     text.push('\n');
     for (name, value, meaning) in [
         ("frame_ms", frame_ms, "per frame"),
         ("pixel_ns", pixel_ns, "per pixel, cleared and written"),
+        ("far_pixel_ns", far_pixel_ns, "per pixel beyond the first 2^20"),
         ("star_ns", star_ns, "per star, placed and sorted"),
         ("motion_ms", motion_ms, "per frame in which something moves"),
+        ("path_step_ns", path_step_ns, "per step of following paths and weighing methods"),
         ("motion_star_ns", motion_star_ns, "per star when something moves"),
         ("splat_ns", splat_ns, "per star and node, Gaussian"),
         ("table_pixel_ns", table_pixel_ns, "per star and pixel of a kernel"),
+        ("product_pixel_ns", product_pixel_ns, "for each of the products that a kernel is the sum of"),
         ("base_pixel_ns", base_pixel_ns, "per star, node and pixel of the PSF's own table"),
         ("kernel_node_ns", kernel_node_ns, "per node and grid point of an effective PSF"),
         ("kernel_entry_ns", kernel_entry_ns, "per entry of an effective PSF"),

@@ -159,7 +159,11 @@ fn the_table_for_people_reports_the_choices() {
     for scene in scenes(true) {
         assert!(summary.lines().any(|line| line.starts_with(scene.name)), "no {} in\n{summary}", scene.name);
     }
-    assert!(summary.contains("predicted times of S1 to S4") && summary.contains("0 of "), "{summary}");
+    assert!(
+        summary.contains("predicted times of line-3px, sinusoid-3px, random-1px, S1, S2, S3, S4 within")
+            && summary.contains("0 of "),
+        "{summary}"
+    );
 }
 
 #[test]

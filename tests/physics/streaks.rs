@@ -298,13 +298,18 @@ fn a_streak_without_enough_time_has_as_many_nodes_as_fit() {
         chosen.verdict == Verdict::CentroidOverBudget && chosen.method.nodes() > 64
     };
     let streak = (0..STREAKS).map(Streak::new).find(is_long).expect("a long streak over the budget");
-    let full = streak.plan("auto").chosen;
-    let empty_ms = CostModel::CPU.empty_frame_ms(SIZE * SIZE, true);
-    let limit_ms = empty_ms + 0.4 * (full.cost_ms - empty_ms);
+    let whole = streak.plan("auto");
+    let full = whole.chosen;
+    let cost = CostModel::CPU;
+    // A frame with a time budget tries methods on fewer stars.
+    let hurried = streak.planner("auto").within_ms(1e9).plan(&streak.stars).path_steps;
+    let [before_ms, hurried_ms] =
+        [whole.path_steps, hurried].map(|steps| cost.empty_frame_ms(SIZE * SIZE) + cost.path_ms(steps));
+    let limit_ms = hurried_ms + 0.4 * (full.cost_ms - before_ms);
     let plan = streak.planner("auto").within_ms(limit_ms).plan(&streak.stars).clone();
     let (fewer, all) = (plan.chosen.method.nodes(), full.method.nodes());
     println!("{}: {} in {limit_ms} ms, {} in {} ms", streak.words(), plan.chosen.method, full.method, full.cost_ms);
     assert_eq!(plan.degradation, Degradation::Full, "{:?}", plan.chosen);
     assert!(plan.chosen.cost_ms <= limit_ms, "{:?} in {limit_ms} ms", plan.chosen);
-    assert!(fewer < all && fewer * 8 > all, "{fewer} nodes of {all}");
+    assert!(fewer < all && fewer * 8 >= all, "{fewer} nodes of {all}");
 }

@@ -33,6 +33,18 @@ impl GaussianPath {
         self.nodes.extend(path.map(|point| point.map(|v| v as f32)));
     }
 
+    /// Reserves capacity for a path of so many nodes on `grid`, `s` grid points per pixel.
+    pub(super) fn reserve(&mut self, grid: &Grid, s: usize, nodes: usize) {
+        self.nodes.reserve_exact(nodes);
+        let sides = [grid.columns(), grid.rows()];
+        for (axis, side) in self.axes.iter_mut().zip(sides) {
+            axis.reserve_exact(nodes * side.next_multiple_of(COLUMNS));
+        }
+        let longest = sides[0].max(sides[1]) + 2 * TAPS + s;
+        self.edges.reserve_exact(longest.next_multiple_of(COLUMNS));
+        self.samples.reserve_exact(longest.next_multiple_of(COLUMNS));
+    }
+
     /// Reserves capacity for a path like `other`.
     pub(super) fn reserve_as(&mut self, other: &Self) {
         reserve_as(&mut self.nodes, &other.nodes);

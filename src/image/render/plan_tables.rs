@@ -4,9 +4,16 @@
 //! kernels are rebuilt for every plan, side by side. Tests: the agreement tests of both backends.
 
 use crate::render::table::{Form, PsfTable};
+use plan::exposure::cost::{kernel_bytes, kernel_half_px};
+use plan::exposure::plan::{RESERVED_KERNEL_NODES, RESERVED_KERNEL_PX};
 use plan::exposure::{Drawing, ExposurePlan, PsfSampling};
-use plan::{exposure::cost::kernel_half_px, exposure::sampling::oversampling, optics::PsfModel};
+use plan::{exposure::method::Method, exposure::sampling::oversampling, optics::PsfModel};
 use rayon::prelude::*;
+
+/// Kernels for which memory is reserved: one for each class of brightness, and one more.
+const RESERVED_KERNELS: usize = 4;
+/// Memory reserved for kernels, at most: those of a very wide PSF take theirs when they come.
+const RESERVED_BYTES: usize = 64 << 20;
 
 /// The tables of one backend.
 #[derive(Debug)]
@@ -69,6 +76,7 @@ impl PlanTables {
         let needs_base =
             (is_drawn && !self.is_analytic(plan)) || ((kernels > 0 || is_whole) && !plan.psf.is_gaussian());
         let base_rebuilt = needs_base && self.rebuild_base(plan);
+        self.reserve_kernels(plan);
         if kernels > 0 {
             self.build_kernels(plan, kernels);
         }
@@ -88,6 +96,25 @@ impl PlanTables {
             self.wholes = wholes.iter().map(whole_of_psf).collect();
         }
         rebuilt
+    }
+
+    /// Reserves memory for the kernels that a later frame may need, with the first one.
+    fn reserve_kernels(&mut self, plan: &ExposurePlan) {
+        if self.kernels.capacity() > 0 {
+            return;
+        }
+        self.kernels.reserve(RESERVED_KERNELS);
+        self.kernel_of_list.reserve(RESERVED_KERNELS);
+        self.list_of_kernel.reserve(RESERVED_KERNELS);
+        let nodes = if plan.psf.is_gaussian() { RESERVED_KERNEL_NODES } else { 0 };
+        let one = Method::EffectivePsf { nodes, stretches: 0 };
+        let bytes = kernel_bytes(one, &plan.psf, plan.half_px, RESERVED_KERNEL_PX);
+        let (half_px, s) = (kernel_half_px(plan.half_px, RESERVED_KERNEL_PX), grid_points(plan));
+        for _ in 0..(RESERVED_BYTES / bytes).min(RESERVED_KERNELS) {
+            let mut table = PsfTable::empty(self.form);
+            table.reserve_kernel([half_px; 2], s, nodes);
+            self.kernels.push(table);
+        }
     }
 
     fn build_kernels(&mut self, plan: &ExposurePlan, kernels: usize) {

@@ -71,6 +71,13 @@ impl Products {
         true
     }
 
+    /// Reserves capacity for the terms of a table.
+    pub(super) fn reserve_most(&mut self, grid: &Grid, phases: Phases) {
+        [self.per_row, self.per_column] = phases.size_px.map(|side| side.div_ceil(LANES));
+        self.rest.reserve_exact(grid.values.len());
+        self.reserve(grid, phases, MOST_TERMS);
+    }
+
     /// Reserves capacity for the most terms: the next path may need more than this one.
     fn reserve(&mut self, grid: &Grid, phases: Phases, most: usize) {
         let drawn = drawn_terms(most);

@@ -2,7 +2,7 @@
 
 mod weighing;
 
-use crate::exposure::cost::{CostModel, Load};
+use crate::exposure::cost::CostModel;
 use crate::exposure::method::{Method, MethodChoice, MethodName};
 use crate::exposure::motion::{Instrument, Motion, Shutter};
 use crate::exposure::plan::{Assessment, ExposurePlan, MOTION_SHARE, StarClass, Verdict};
@@ -96,9 +96,13 @@ pub(super) struct Chooser {
     bands: usize,
     /// Error of one list for all rows under a rolling shutter.
     one_band: NodeError,
+    /// Steps of the nodes of all lists, and of the probes (see `cost`).
+    listed_steps: usize,
     /// Number of stars of the frame.
     stars: usize,
     moves: bool,
+    /// Extent and narrower side of the path, px.
+    box_px: [f64; 2],
     trial: Trial,
     /// Methods in the order of trials.
     order: Vec<usize>,
@@ -144,8 +148,10 @@ impl Chooser {
             rolling_flux: 0.0,
             bands: 1,
             one_band: NodeError::default(),
+            listed_steps: 0,
             stars: 0,
             moves: false,
+            box_px: [0.0; 2],
             trial: Trial::new(),
             order: Vec::with_capacity(64),
             is_tried: false,
@@ -172,10 +178,12 @@ impl Chooser {
         self.accepts_tried = motion.is_smooth() && !self.setting.is_fixed();
         self.weighed.clear();
         self.moves = !motion.is_still();
+        self.box_px = [probes.extent_px, probes.narrow_px];
         if !self.moves {
             return;
         }
         self.scales.watch(probes);
+        self.listed_steps = probes.steps(motion);
         let sigma_px = self.setting.instrument.psf.core_sigma_px();
         let mean_px = |track: &_| means.displacement_px(track);
         let mean_px = BETWEEN_CHECKS * probes.mean_error_px(motion, sigma_px, &mut self.dense, mean_px);
@@ -229,6 +237,7 @@ impl Chooser {
                         side
                     };
                 fill_nodes(motion, Method::Samples { nodes: count }, delay_s, probes, &mut self.lists[row]);
+                self.listed_steps += self.lists[row].len() * motion.pose_steps();
             }
             worst = worst.worst(self.scales.error(&self.lists, ShapeOf::EachStar, probes));
         }
@@ -249,19 +258,21 @@ impl Chooser {
         }
         let budget = degradation.loosened(&self.setting.budget);
         let pixels = self.setting.instrument.camera.width_px() * self.setting.instrument.camera.height_px();
-        let empty_ms = self.setting.cost.empty_frame_ms(pixels, self.moves);
-        let limit_ms = self.limit_ms - empty_ms;
+        let empty_ms = self.setting.cost.empty_frame_ms(pixels);
+        let left_ms = |chooser: &Self| chooser.limit_ms - empty_ms - chooser.path_ms();
         let all = StarClass { brightest_e, stars: plan.stars.len(), ..StarClass::none(plan.chosen) };
         let from_e = plan.whole.from_e;
-        let mut together = self.best(&all, &budget, degradation, (plan.extent_px, limit_ms), probes);
+        let mut together = self.best(&all, &budget, degradation, left_ms(self), probes);
         let may_help = !self.setting.is_exact && (degradation < Degradation::MotionOut || self.setting.is_fixed());
         if self.moves && may_help && !self.is_tried && !together.chosen.verdict.keeps_shape() {
             self.try_methods(plan, &all, &budget, probes);
-            together = self.best(&all, &budget, degradation, (plan.extent_px, limit_ms), probes);
+            together = self.best(&all, &budget, degradation, left_ms(self), probes);
         }
+        plan.path_steps = self.path_steps();
+        let empty_ms = empty_ms + self.path_ms();
         plan.assessed.clear();
         plan.assessed.extend(self.weighed.iter().map(|weighed| {
-            let (assessment, _) = self.assess(weighed, &all, &budget, plan.extent_px, probes);
+            let (assessment, _) = self.assess(weighed, &all, &budget, probes);
             let assessment = self.wings.added_to(assessment, all.brightest_e, from_e, &budget);
             Assessment { cost_ms: assessment.cost_ms + empty_ms, ..assessment }
         }));
@@ -291,39 +302,37 @@ impl Chooser {
         }
     }
 
-    /// Tries the methods on some of the plan's stars, cheapest first, until one is inside the budget; a method that
-    /// cannot be the best keeps its bound.
+    /// Tries the methods on some of the plan's stars, cheapest first, until one is inside the budget or no time is
+    /// left; a method that cannot be the best keeps its bound.
     fn try_methods(&mut self, plan: &ExposurePlan, all: &StarClass, budget: &AccuracyBudget, probes: &Probes) {
         self.is_tried = true;
-        let sigma_px = self.setting.instrument.psf.core_sigma_px();
-        let (full_well_e, read_noise_e_rms) =
-            (self.setting.instrument.full_well_e, self.setting.instrument.read_noise_e_rms);
-        let noise = Noise { full_well_e, read_noise_e_rms, sigma_px };
-        let mut trial = core::mem::take(&mut self.trial);
-        trial.prepare(plan, probes, sigma_px, if self.limit_ms.is_finite() { TRIED_IN_TIME } else { TRIED });
-        let mut order = core::mem::take(&mut self.order);
+        let Self { setting, trial, order, weighed, limit_ms, .. } = self;
+        let (steps, limit_ms) = (self.listed_steps + self.scales.steps, *limit_ms);
+        let Instrument { psf, full_well_e, read_noise_e_rms, .. } = &setting.instrument;
+        let sigma_px = psf.core_sigma_px();
+        let noise = Noise { full_well_e: *full_well_e, read_noise_e_rms: *read_noise_e_rms, sigma_px };
+        trial.prepare(plan, probes, sigma_px, if limit_ms.is_finite() { TRIED_IN_TIME } else { TRIED });
         order.clear();
-        let one_psf = self.setting.instrument.psf.blended() == 1;
-        order.extend((0..self.weighed.len()).filter(|i| one_psf && self.weighed[*i].can_be_tried()));
-        let cost_ms =
-            |i: &usize| self.setting.cost.stars_ms(self.weighed[*i].method, &self.load(all.stars, plan.extent_px));
+        let one_psf = psf.blended() == 1;
+        order.extend((0..weighed.len()).filter(|i| one_psf && weighed[*i].can_be_tried()));
+        let load = setting.load(all.stars, self.box_px, self.moves);
+        let cost_ms = |i: &usize| setting.cost.stars_ms(weighed[*i].method, &load);
         order.sort_unstable_by(|a, b| cost_ms(a).total_cmp(&cost_ms(b)).then(a.cmp(b)));
-        let (is_tracked, shows_all) =
-            (self.setting.is_tracked(all.brightest_e), self.is_thorough || self.setting.is_fixed());
+        let (is_tracked, shows_all) = (setting.is_tracked(all.brightest_e), self.is_thorough || setting.is_fixed());
         let mut least = f64::INFINITY;
-        for &i in &order {
-            let method = self.weighed[i].method;
+        for &i in &*order {
+            let is_late = setting.cost.path_ms(steps + trial.steps) > limit_ms;
+            if is_late || least <= SURELY_INSIDE && !shows_all {
+                break;
+            }
+            let method = weighed[i].method;
             let bands = if method.kernels() > 0 { 1 } else { self.bands };
             let excess = |tried: &TriedError| tried.excess(budget, is_tracked);
             let tried =
                 trial.error(plan, probes, (method, bands), noise, |tried| !shows_all && excess(tried) > least.max(1.0));
-            self.weighed[i].tried = tried;
+            weighed[i].tried = tried;
             least = tried.map_or(least, |tried| least.min(excess(&tried)));
-            if least <= SURELY_INSIDE && !shows_all {
-                break;
-            }
         }
-        (self.trial, self.order) = (trial, order);
     }
 
     fn choose_by_class(
@@ -343,12 +352,12 @@ impl Chooser {
             if class.stars == 0 {
                 continue;
             }
-            let class = self.best(&class, budget, degradation, (plan.extent_px, f64::INFINITY), probes);
+            let class = self.best(&class, budget, degradation, f64::INFINITY, probes);
             match plan.classes.last_mut() {
                 Some(before) if before.chosen.method == class.chosen.method => {
                     before.stars += class.stars;
                     before.faintest_e = class.faintest_e;
-                    let load = self.load(before.stars, plan.extent_px);
+                    let load = self.load(before.stars);
                     before.chosen.cost_ms = self.setting.cost.stars_ms(before.chosen.method, &load);
                 }
                 _ => plan.classes.push(class),
@@ -363,7 +372,7 @@ impl Chooser {
         class: &StarClass,
         budget: &AccuracyBudget,
         degradation: Degradation,
-        (extent_px, limit_ms): (f64, f64),
+        limit_ms: f64,
         probes: &Probes,
     ) -> StarClass {
         let wanted = match self.setting.choice {
@@ -373,7 +382,7 @@ impl Chooser {
         };
         let of_wanted = |weighed: &&Weighed| wanted.is_none_or(|name| weighed.method.name() == name);
         let weighed = || self.weighed.iter().filter(of_wanted);
-        let assessed = || weighed().map(|weighed| self.assess(weighed, class, budget, extent_px, probes));
+        let assessed = || weighed().map(|weighed| self.assess(weighed, class, budget, probes));
         let of_shape = assessed().map(|(a, _)| a).filter(|a| a.verdict.keeps_shape());
         let cheapest = of_shape.min_by(|a, b| a.cost_ms.total_cmp(&b.cost_ms));
         let least_wrong = |limit_ms: f64| {
@@ -392,17 +401,13 @@ impl Chooser {
     /// Returns how many of the plan's stars fit `limit_ms` with the present method of the plan.
     pub(super) fn stars_within(&self, plan: &ExposurePlan, limit_ms: f64) -> usize {
         let pixels = self.setting.instrument.camera.width_px() * self.setting.instrument.camera.height_px();
-        let left_ms = limit_ms - self.setting.cost.empty_frame_ms(pixels, self.moves);
+        let left_ms = limit_ms - self.setting.cost.empty_frame_ms(pixels) - self.path_ms();
         let method = plan.chosen.method;
-        let ms = |stars| self.setting.cost.stars_ms(method, &self.load(stars, plan.extent_px));
+        let ms = |stars| self.setting.cost.stars_ms(method, &self.load(stars));
         let (kernels_ms, each_ms) = (ms(0), (ms(1000) - ms(0)) * 1e-3);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the stars there are")]
         let keep = ((left_ms - kernels_ms) / each_ms).clamp(0.0, plan.stars.len() as f64) as usize;
         keep
-    }
-
-    fn load(&self, stars: usize, extent_px: f64) -> Load<'_> {
-        Load { psf: &self.setting.instrument.psf, half_px: self.setting.half_px, extent_px, stars, moves: self.moves }
     }
 
     /// Returns the bounds, or the tried errors, of a method for one class of stars; its cost is that of the class's
@@ -412,7 +417,6 @@ impl Chooser {
         weighed: &Weighed,
         class: &StarClass,
         budget: &AccuracyBudget,
-        extent_px: f64,
         probes: &Probes,
     ) -> (Assessment, f64) {
         let Weighed { method, error, verdict, tried } = *weighed;
@@ -422,7 +426,7 @@ impl Chooser {
             if tabulated { (self.setting.table.centroid_px, self.setting.table.peak) } else { (F32_CENTROID_PX, 0.0) };
         // Without probes the motion is unknown, so no bound can be given.
         let unknown_px = if probes.probes.len() < SIDE * SIDE { f64::INFINITY } else { 0.0 };
-        let rim_px = self.setting.rim_error_px(extent_px);
+        let rim_px = self.setting.rim_error_px(probes.extent_px);
         let mut centroid_px = error.centroid_px
             + self.common.centroid_px
             + self.setting.sampling.centroid_px
@@ -446,7 +450,7 @@ impl Chooser {
         let flux_rel = psf.lost_flux(self.setting.half_px) + drawn_flux + self.rolling_flux;
         let cost_ms = match verdict {
             Some(Verdict::NeedsSmoothMotion) => f64::INFINITY,
-            _ => self.setting.cost.stars_ms(method, &self.load(class.stars, extent_px)),
+            _ => self.setting.cost.stars_ms(method, &self.load(class.stars)),
         };
         let tracked = self.setting.is_tracked(class.brightest_e);
         let verdict = verdict.unwrap_or(if tracked && centroid_px > MOTION_SHARE * budget.centroid_px {

@@ -20,6 +20,11 @@ pub enum Shutter {
     },
 }
 
+/// Steps of a pose without lines of jitter.
+const POSE_STEPS: usize = 4;
+/// Lines of jitter that take a step together.
+const LINES_PER_STEP: usize = 4;
+
 /// Smooth rotation and jitter of the line of sight; a commanded image path, when given, replaces the jitter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Motion {
@@ -78,6 +83,11 @@ impl Motion {
                 self.pose_on_path(t_s, &point)
             }
         }
+    }
+
+    /// Returns the steps that the pose at an instant takes (see `cost`): the sines of jitter's lines are most of it.
+    pub(super) fn pose_steps(&self) -> usize {
+        POSE_STEPS + if self.image_path.is_some() { 0 } else { self.los.jitter.lines.len() / LINES_PER_STEP }
     }
 
     /// Returns the instants at which the path has corners, in order, as shares of an exposure that is `delay_s` later than

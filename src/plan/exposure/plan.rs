@@ -105,6 +105,10 @@ impl StarClass {
 
 /// Largest reach of an effective PSF from a star's mean position, px: its table grows with the square.
 pub const LONGEST_KERNEL_PX: f64 = 256.0;
+/// The same for a frame with a time budget: backends reserve memory for kernels of this reach with the first frame.
+pub const RESERVED_KERNEL_PX: f64 = 16.0;
+/// Nodes of such a kernel: twice those of samples.
+pub const RESERVED_KERNEL_NODES: usize = 2048;
 
 /// Share of the budget's centroid error for a method's bound; the rest is reserved for errors outside the bound.
 pub const MOTION_SHARE: f64 = 0.5;
@@ -198,6 +202,10 @@ pub struct ExposurePlan {
     pub reach_px: f64,
     /// Largest distance of a star from its mean position along the path, px.
     pub extent_px: f64,
+    /// Narrower side of the box about the path of a star in the middle of the detector, px.
+    pub narrow_px: f64,
+    /// Steps that planning the motion took (see `cost`); 0 where nothing moves.
+    pub path_steps: usize,
     /// Motion of a star during the exposure, by its place.
     pub smear: SmearField,
     /// The stars, in source order; behind them the nodes of the targets.

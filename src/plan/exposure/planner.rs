@@ -82,6 +82,8 @@ impl Planner {
             lists: Vec::with_capacity(256),
             reach_px: 0.0,
             extent_px: 0.0,
+            narrow_px: 0.0,
+            path_steps: 0,
             smear: SmearField::still(),
             stars: Vec::with_capacity(STARS_RESERVED),
             targets: Vec::new(),
@@ -89,11 +91,14 @@ impl Planner {
         };
         let camera = &instrument.camera;
         let share = Share::new(&instrument.psf, [half_px, whole_px], [camera.width_px(), camera.height_px()]);
+        // The shortest path has the most cells.
+        let mut cells = CutOffCells::default();
+        cells.resize([camera.width_px(), camera.height_px()], light_reach_px(&plan));
         Self {
             probes: Probes::new(camera, instrument.shutter),
             means: MeanField::new(camera),
             chooser,
-            cells: CutOffCells::default(),
+            cells,
             lists: lists::Buffers::default(),
             time_budget_ms: None,
             last_degradation: Degradation::LAST_BY_DEFAULT,
@@ -206,7 +211,7 @@ impl Planner {
         probes.measure(&plan.motion, instrument.psf.core_sigma_px());
         means.measure(&plan.motion, instrument.shutter, probes);
         plan.reach_px = probes.reach_px;
-        plan.extent_px = probes.extent_px;
+        (plan.extent_px, plan.narrow_px) = (probes.extent_px, probes.narrow_px);
         plan.smear = SmearField::measured(&plan.motion, probes);
         chooser.measure(&plan.motion, probes, means);
     }

@@ -55,6 +55,8 @@ pub struct Probes {
     pub reach_px: f64,
     /// Largest distance of a star from its mean position along the path, px.
     pub extent_px: f64,
+    /// Narrower side of the box about the path of the star in the middle of the detector, px.
+    pub narrow_px: f64,
 }
 
 /// Dense nodes of one row of probes.
@@ -85,6 +87,7 @@ impl Probes {
             rows: Default::default(),
             reach_px: 0.0,
             extent_px: 0.0,
+            narrow_px: 0.0,
         }
     }
 
@@ -140,6 +143,7 @@ impl Probes {
             probe.follow(camera, &dense[rows[(i / SIDE).min(SIDE - 1)].nodes.clone()]);
             *extent_px = probe.trace.iter().fold(*extent_px, |far, [_, x, y]| far.max(x.abs()).max(y.abs()));
         }
+        self.narrow_px = self.centre().map_or(0.0, Probe::narrow_px);
     }
 
     /// Returns a bound of the covariance that the dense nodes lack because rows of a path were merged, px^2.
@@ -152,6 +156,15 @@ impl Probes {
     pub(super) fn path_ends(&self, row: usize) -> (&[f64], f64) {
         let Row { ends, merged: Merged { length_px: [whole, short], .. }, .. } = &self.rows[row];
         (&self.ends_s[ends.clone()], if *short > 0.0 { whole / short } else { 1.0 })
+    }
+
+    /// Returns the steps that measuring took (see `cost`): the dense nodes, each probe at each of them twice (its place and the
+    /// length of its path), and the checks.
+    pub(super) fn steps(&self, motion: &Motion) -> usize {
+        let nodes: usize = self.rows.iter().map(|row| row.nodes.len()).sum();
+        let rows = if self.shutter == Shutter::Global { 1 } else { SIDE };
+        let own = if rows > 1 { self.checks.len() * motion.pose_steps() } else { 0 };
+        self.dense.len() * motion.pose_steps() + nodes * 2 * SIDE + self.dense.len() / rows * (self.checks.len() + own)
     }
 
     /// Returns the delay of a row of probes, s.
@@ -221,6 +234,18 @@ impl Probe {
         });
         self.mean_px = trace(points, &mut self.trace);
         self.moments = Moments::of(&self.trace);
+    }
+
+    /// Returns the narrower side of the box about its path, px.
+    fn narrow_px(&self) -> f64 {
+        let side = |axis: usize| {
+            let [low, high] = self
+                .trace
+                .iter()
+                .fold([0.0_f64; 2], |[low, high], place| [low.min(place[axis]), high.max(place[axis])]);
+            high - low
+        };
+        side(1).min(side(2))
     }
 
     /// Returns an upper bound of the length of the star's path on the detector, px; `shared_px`: that of a commanded path.

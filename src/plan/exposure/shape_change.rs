@@ -34,6 +34,9 @@ const PHASES: usize = 4;
 /// Capacity from the start: points of an image, and of the profiles of all nodes.
 const POINTS_RESERVED: usize = 1 << 14;
 const PROFILES_RESERVED: usize = 1 << 16;
+/// Points of a node's image that are drawn in the time of a step, and the nodes whose image takes as long as summing over pixels.
+const POINTS_PER_STEP: usize = 100;
+const SUMMED: usize = 50;
 /// Columns of a vector.
 const LANES: usize = 16;
 
@@ -88,6 +91,11 @@ impl ShapeChange {
         let half = half as usize;
         (self.half, self.stride) = (half, (2 * half + 1).next_multiple_of(LANES));
         true
+    }
+
+    /// Returns the steps of drawing a trace of so many nodes (see `cost`).
+    pub fn steps(&self, nodes: usize) -> usize {
+        (nodes + SUMMED) * self.stride * (2 * self.half + 1) / POINTS_PER_STEP
     }
 
     /// Draws the trace that others are compared with.

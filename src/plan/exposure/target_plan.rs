@@ -111,8 +111,7 @@ impl TargetPlanner {
 
     /// Returns the predicted time of drawing the nodes of the exposure that was placed last, ms.
     pub(super) fn cost_ms(&self, cost: &CostModel, plan: &ExposurePlan) -> f64 {
-        let load =
-            Load { psf: &plan.psf, half_px: plan.half_px, extent_px: 0.0, stars: self.nodes.len(), moves: false };
+        let load = Load::still(&plan.psf, plan.half_px, self.nodes.len());
         if self.nodes.is_empty() { 0.0 } else { cost.stars_ms(Method::Static, &load) }
     }
 

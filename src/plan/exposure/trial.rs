@@ -13,6 +13,7 @@ use crate::exposure::{
     line::DENSE_RESERVED, mean_field::Correction, method::Method, motion::Shutter, plan::ExposurePlan, probes::Probes,
     source::PlannedStar, track::StarTrack,
 };
+use crate::optics::gaussian::EdgeTable;
 
 /// Safety factor of a tried error: other stars and other windows may have larger errors.
 const SAFETY: f64 = 2.0;
@@ -33,6 +34,10 @@ const REACH_SIGMA: f64 = 6.0;
 const CENTROID_LIGHT: f64 = 0.8;
 /// Mean distance of a path's nodes above which they appear as dots, sigma.
 const DOTS_SIGMA: f64 = 1.5;
+/// Edges of pixels whose light is found in the time of a step.
+const EDGES_PER_STEP: usize = 2;
+/// Instants far from a window that take a step together.
+const FAR_PER_STEP: usize = 8;
 
 /// Light of a star in the pixels of a window, shares of its electrons.
 type Shares = [[f64; SIDE]; SIDE];
@@ -82,13 +87,16 @@ struct Listed {
 }
 
 /// The stars on which methods are tried; keeps its buffers.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Trial {
     stars: Vec<Tried>,
     nodes: Vec<PathNode>,
     /// The list that `nodes` holds, if it is one of a method.
     listed: Option<Listed>,
     lit: Vec<Lit>,
+    edges: EdgeTable,
+    /// Steps since the stars were selected (see `cost`).
+    pub(super) steps: usize,
 }
 
 impl Trial {
@@ -99,12 +107,15 @@ impl Trial {
             nodes: Vec::with_capacity(DENSE_RESERVED),
             listed: None,
             lit: Vec::with_capacity(DENSE_RESERVED),
+            edges: EdgeTable::filled(),
+            steps: 0,
         }
     }
 
     /// Selects the brightest stars of the zones, at most `most` of them, and follows their true paths.
     pub(super) fn prepare(&mut self, plan: &ExposurePlan, probes: &Probes, sigma_px: f64, most: usize) {
         self.stars.clear();
+        self.steps = 0;
         self.listed = None;
         let mut brightest = brightest_of_zones(plan);
         brightest.sort_by(|a, b| brightness(b).total_cmp(&brightness(a)));
@@ -129,7 +140,7 @@ impl Trial {
             if let Some(first_px) = first_px.filter(|_| !places[..i].contains(&first_px)) {
                 // Under a global shutter the path is that of every row, and followed already.
                 let truth = match plan.shutter {
-                    Shutter::Global => light_of(&self.lit, first_px, sigma_px),
+                    Shutter::Global => light_of((&self.lit, &self.edges), first_px, sigma_px, &mut self.steps),
                     Shutter::Rolling { .. } => self.true_light(plan, probes, sigma_px, &tried.track, first_px),
                 };
                 tried.windows[i] = Some(Window { first_px, truth });
@@ -149,6 +160,7 @@ impl Trial {
         self.listed = None;
         self.nodes.clear();
         probes.true_nodes(&plan.motion, sigma_px, delay_s, &mut self.nodes);
+        self.steps += self.nodes.len() * (1 + plan.motion.pose_steps());
         self.lit.extend(self.nodes.iter().filter_map(seen));
     }
 
@@ -163,11 +175,14 @@ impl Trial {
     ) -> Shares {
         if plan.shutter == Shutter::Global {
             self.follow(plan, probes, sigma_px, track, 0.0);
-            return light_of(&self.lit, first_px, sigma_px);
+            return light_of((&self.lit, &self.edges), first_px, sigma_px, &mut self.steps);
         }
         core::array::from_fn(|row| {
-            self.follow(plan, probes, sigma_px, track, f64::from(first_px[1]) + row as f64);
-            light_of(&self.lit, first_px, sigma_px)[row]
+            let [left_px, top_px] = first_px;
+            let row_px = top_px + row as i32;
+            self.follow(plan, probes, sigma_px, track, f64::from(row_px));
+            let [light] = light_of((&self.lit, &self.edges), [left_px, row_px], sigma_px, &mut self.steps);
+            light
         })
     }
 
@@ -188,7 +203,7 @@ impl Trial {
             let windows = || tried.windows.iter().flatten();
             let brightest = windows().map(|window| sum(&window.truth)).fold(0.0, f64::max);
             for window in windows() {
-                let drawn = light_of(&self.lit, window.first_px, noise.sigma_px);
+                let drawn = light_of((&self.lit, &self.edges), window.first_px, noise.sigma_px, &mut self.steps);
                 let has_centroid = sum(&window.truth) >= CENTROID_LIGHT * brightest;
                 worst = worst.worst(window_error(plan, &tried.star, window, &drawn, noise, has_centroid));
                 if is_hopeless(&worst) {
@@ -200,7 +215,7 @@ impl Trial {
             if let Some([_, x, y]) = dot.filter(|_| shows_dots) {
                 // The path may pass between the windows that were placed on it.
                 let first_px = window_about([x, y]);
-                let drawn = light_of(&self.lit, first_px, noise.sigma_px);
+                let drawn = light_of((&self.lit, &self.edges), first_px, noise.sigma_px, &mut self.steps);
                 let truth = self.true_light(plan, probes, noise.sigma_px, &tried.track, first_px);
                 let window = Window { first_px, truth };
                 worst = worst.worst(window_error(plan, &tried.star, &window, &drawn, noise, false));
@@ -250,6 +265,7 @@ impl Trial {
         let delay_s = band_delay_s(plan.shutter, plan.camera.height_px(), [band, bands]);
         self.nodes.clear();
         fill_nodes(&plan.motion, method, delay_s, probes, &mut self.nodes);
+        self.steps += self.nodes.len() * (1 + plan.motion.pose_steps());
         let mean = mean_pose(&self.nodes);
         // A kernel is drawn about the mean of the centre's path.
         let own = method.kernels() == 0;
@@ -309,20 +325,22 @@ fn sum(shares: &Shares) -> f64 {
     shares.iter().flatten().sum()
 }
 
-/// Returns the light of all instants in a window.
-fn light_of(lit: &[Lit], first_px: [i32; 2], sigma_px: f64) -> Shares {
-    let mut out = Shares::default();
+/// Returns the light of all instants in so many rows of a window, from its first pixel on.
+fn light_of<const ROWS: usize>(
+    (lit, edges): (&[Lit], &EdgeTable),
+    first_px: [i32; 2],
+    sigma_px: f64,
+    steps: &mut usize,
+) -> [[f64; SIDE]; ROWS] {
+    let mut near = 0;
+    let mut out = [[0.0; SIDE]; ROWS];
     let [left, top] = first_px.map(|v| f64::from(v) - 0.5);
-    let (reach, side) = (REACH_SIGMA * sigma_px, SIDE as f64);
-    let is_near = |v: f64, start: f64| v > start - reach && v < start + side + reach;
-    let scale = core::f64::consts::FRAC_1_SQRT_2 / sigma_px;
-    let cells = |from: f64| -> [f64; SIDE] {
-        let edges: [f64; SIDE + 1] = core::array::from_fn(|i| libm::erf((from + i as f64) * scale));
-        core::array::from_fn(|i| 0.5 * (edges[i + 1] - edges[i]))
-    };
+    let (reach, per_px) = (REACH_SIGMA * sigma_px, 1.0 / sigma_px);
+    let is_near = |v: f64, start: f64, pixels: usize| v > start - reach && v < start + pixels as f64 + reach;
     for [weight, x, y] in lit {
-        if is_near(*x, left) && is_near(*y, top) {
-            let (across, down) = (cells(left - x), cells(top - y));
+        if is_near(*x, left, SIDE) && is_near(*y, top, ROWS) {
+            near += 1;
+            let (across, down) = (cells::<SIDE>(edges, left - x, per_px), cells::<ROWS>(edges, top - y, per_px));
             for (row, gain) in out.iter_mut().zip(down) {
                 for (pixel, share) in row.iter_mut().zip(across) {
                     *pixel += weight * gain * share;
@@ -330,7 +348,18 @@ fn light_of(lit: &[Lit], first_px: [i32; 2], sigma_px: f64) -> Shares {
             }
         }
     }
+    *steps += lit.len() / FAR_PER_STEP + near * (SIDE + ROWS + 2) / EDGES_PER_STEP;
     out
+}
+
+/// Returns the shares of a star's light in neighbouring pixels, the first of which begins `from` px from it, along an axis.
+#[inline(always)]
+fn cells<const N: usize>(edges: &EdgeTable, from: f64, per_px: f64) -> [f64; N] {
+    let mut below = edges.below(from * per_px);
+    core::array::from_fn(|i| {
+        let before = core::mem::replace(&mut below, edges.below((from + (i + 1) as f64) * per_px));
+        below - before
+    })
 }
 
 /// Computes the errors of one window.

@@ -14,6 +14,8 @@ use sky::astrometry::CameraGeometry;
 /// Side of the window in which a tracker measures, px.
 pub const WINDOW_PX: f64 = 5.0;
 
+/// Steps of a node's share of a characteristic function.
+const SPECTRUM_STEPS: usize = 2;
 /// Traces that differ by less are the same, px.
 const SAME_PX: f64 = 1e-9;
 /// Nodes may lie this far outside the path that the probes follow, px.
@@ -38,6 +40,8 @@ pub struct Scales {
     sigma_px: f64,
     scratch: [Vec<TracePoint>; 2],
     watched: [(usize, Spectrum); 2],
+    /// Steps since the probes are watched (see `cost`).
+    pub(super) steps: usize,
 }
 
 impl Scales {
@@ -49,12 +53,14 @@ impl Scales {
             sigma_px,
             scratch: [(); 2].map(|()| Vec::with_capacity(DENSE_RESERVED)),
             watched: [(0, NOTHING); 2],
+            steps: 0,
         }
     }
 
     /// Stores the true characteristic functions of the centre and the widest probe.
     pub fn watch(&mut self, probes: &Probes) {
         let (centre, widest) = (probes.centre_index(), probes.widest_index());
+        self.steps = 2 * SPECTRUM_STEPS * probes.dense().len();
         for (watched, i) in self.watched.iter_mut().zip([centre, widest]) {
             let truth = probes.probes.get(i).map_or(NOTHING, |probe| self.sensitivity.spectrum(&probe.trace));
             *watched = (i, truth);
@@ -76,8 +82,10 @@ impl Scales {
                     trace(points, drawn);
                 }
             }
+            self.steps += nodes.len();
             worst = worst.worst(self.moment_error(&Moments::of(&self.scratch[0]), &probe.moments));
             if let Some((_, truth)) = self.watched.iter().find(|(watched, _)| *watched == i) {
+                self.steps += SPECTRUM_STEPS * nodes.len();
                 let spectrum = self.sensitivity.spectrum(&self.scratch[0]);
                 worst = worst.worst(self.spectrum_error(&spectrum, truth, probes));
             }
@@ -119,6 +127,7 @@ impl Scales {
                 kept = Some(row);
             }
             worst = worst.worst(self.change.error(own));
+            self.steps += self.change.steps(nodes.len());
         }
         Some(worst)
     }
@@ -173,6 +182,7 @@ impl Scales {
 
     fn shape_at(&mut self, camera: &CameraGeometry, px: [f64; 2], nodes: &[PathNode]) -> Option<(Moments, Spectrum)> {
         let place = StarPlace::of_pixel(camera, px)?;
+        self.steps += (1 + SPECTRUM_STEPS) * nodes.len();
         exact_trace(camera, &StarTrack::new(camera, place), nodes, &mut self.scratch[1]);
         Some((Moments::of(&self.scratch[1]), self.sensitivity.spectrum(&self.scratch[1])))
     }

@@ -1,6 +1,6 @@
 //! Calibration of costs: small scenes through the real planner, backend and detector -> [`CostModel`] of this machine.
 //!
-//! Empty frames of two sizes, static stars, stars by samples, an effective PSF with few and many nodes and stars, and
+//! Empty frames of two sizes, static stars, jitter that takes many nodes to follow, stars by samples, an effective PSF with few and many nodes and stars, and
 //! an Airy PSF; the median time of each, then `plan::exposure::cost`. Limits: an idle machine is assumed; on a GPU
 //! drawing and readout are timed together and the time per pixel is shared out between the two as in the built-in
 //! constants.
@@ -16,8 +16,9 @@ use base::{
     time::Tai,
 };
 use config::Backend;
+use glam::DVec3;
 use image::detector::{DetectorConditions, DetectorParams};
-use plan::attitude::LosPath;
+use plan::attitude::{JitterLine, LosPath};
 use plan::exposure::cost::{CostModel, Load};
 use plan::exposure::cost::{Timing, fit};
 use plan::exposure::method::{Method, MethodName};
@@ -33,6 +34,8 @@ const EXPOSURE_S: f64 = 0.1;
 const FOCAL_PX: f64 = 2900.0;
 /// Width and height of the path of the scenes with motion, px.
 const PATH_PX: f64 = 3.0;
+/// Cycles of jitter in an exposure.
+const JITTER_CYCLES: f64 = 10.3;
 /// Steps of its positions along x and y, as shares of that: powers of the inverse of the plastic number, which spread them evenly.
 const STEPS: [f64; 2] = [0.754_877_666_246_692_7, 0.569_840_290_998_053_3];
 /// Longest time spent on one scene, s.
@@ -81,7 +84,8 @@ pub struct MeasuredScene {
     psf: PsfModel,
     half_px: usize,
     extent_px: f64,
-    moves: bool,
+    narrow_px: f64,
+    path_steps: usize,
 }
 
 /// Constants of one backend on this machine.
@@ -103,26 +107,54 @@ struct Scene {
     stars: usize,
     method: MethodChoice,
     psf: PsfModel,
+    moves: Moves,
+}
+
+/// Motion of a scene.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Moves {
+    /// None.
+    Still,
+    /// A short straight line.
+    Slew,
+    /// Jitter that takes many nodes to follow.
+    Jitter,
+    /// So many positions all over a square: the kernel of a straight path has fewer terms, and would promise too much for jitter.
+    Positions(usize),
 }
 
 /// Returns the scenes. Together they determine every cost constant.
-fn scenes(effort: &Effort) -> [Scene; 10] {
+fn scenes(effort: &Effort) -> [Scene; 14] {
     const FEW_FOR_A_KERNEL: usize = 16;
-    let fixed = |name, nodes| MethodChoice::Fixed(name, Some(nodes));
-    let still = MethodChoice::Fixed(MethodName::Static, None);
     let [few, many] = effort.stars;
-    let scene = |name, stars, method| Scene { name, large: false, stars, method, psf: PsfModel::gaussian(0.8) };
+    let scene = |name, stars, moves, method| {
+        let method = MethodChoice::Fixed(method, if let Moves::Positions(nodes) = moves { Some(nodes) } else { None });
+        Scene { name, large: false, stars, method, psf: PsfModel::gaussian(0.8), moves }
+    };
+    let still = |name, stars| scene(name, stars, Moves::Still, MethodName::Static);
+    let samples = |name, nodes| scene(name, few, Moves::Positions(nodes), MethodName::Samples);
+    let line = Scene {
+        method: MethodChoice::Fixed(MethodName::EffectivePsf, Some(16)),
+        ..scene("kernel of a line", many, Moves::Slew, MethodName::EffectivePsf)
+    };
+    let kernel = |name, stars, nodes| scene(name, stars, Moves::Positions(nodes), MethodName::EffectivePsf);
+    let chosen =
+        |name, moves| Scene { method: MethodChoice::Auto, ..scene(name, FEW_FOR_A_KERNEL, moves, MethodName::Static) };
     [
-        Scene { large: true, ..scene("empty, large", 0, still) },
-        scene("empty, small", 0, still),
-        scene("static, few stars", few, still),
-        scene("static, many stars", many, still),
-        scene("samples, 16 nodes", few, fixed(MethodName::Samples, 16)),
-        scene("samples, 64 nodes", few, fixed(MethodName::Samples, 64)),
-        scene("kernel, 16 nodes", FEW_FOR_A_KERNEL, fixed(MethodName::EffectivePsf, 16)),
-        scene("kernel, 256 nodes", FEW_FOR_A_KERNEL, fixed(MethodName::EffectivePsf, 256)),
-        scene("kernel, many stars", many, fixed(MethodName::EffectivePsf, 16)),
-        Scene { psf: PsfModel::airy(1.5, 0.0), ..scene("Airy, few stars", few.div_ceil(10), still) },
+        Scene { large: true, ..still("empty, large", 0) },
+        still("empty, small", 0),
+        still("static, few stars", few),
+        still("static, many stars", many),
+        scene("moved, many stars", many, Moves::Slew, MethodName::Static),
+        chosen("slew, few stars", Moves::Slew),
+        chosen("jitter, few stars", Moves::Jitter),
+        samples("samples, 16 nodes", 16),
+        samples("samples, 64 nodes", 64),
+        kernel("kernel, 16 nodes", FEW_FOR_A_KERNEL, 16),
+        kernel("kernel, 256 nodes", FEW_FOR_A_KERNEL, 256),
+        kernel("kernel, many stars", many, 16),
+        line,
+        Scene { psf: PsfModel::airy(1.5, 0.0), ..still("Airy, few stars", few.div_ceil(10)) },
     ]
 }
 
@@ -172,14 +204,11 @@ fn constants(scenes: &[MeasuredScene], imager: &Imager) -> CostModel {
 
 impl MeasuredScene {
     fn timing(&self) -> Timing<'_> {
-        let load = Load {
-            psf: &self.psf,
-            half_px: self.half_px,
-            extent_px: self.extent_px,
-            stars: self.stars,
-            moves: self.moves,
-        };
-        Timing { pixels: self.side_px * self.side_px, method: self.method, load, ms: self.render_ms }
+        let Self { extent_px, narrow_px, .. } = *self;
+        let moves = self.path_steps > 0;
+        let load = Load { extent_px, narrow_px, moves, ..Load::still(&self.psf, self.half_px, self.stars) };
+        let (pixels, path_steps) = (self.side_px * self.side_px, self.path_steps);
+        Timing { pixels, method: self.method, load, path_steps, ms: self.render_ms }
     }
 
     /// Returns the time that `cost` predicts for this scene, ms; on a GPU including the readout.
@@ -220,7 +249,8 @@ fn measure(scene: &Scene, side_px: usize, repeats: usize, imager: &mut Imager) -
         psf: plan.psf.clone(),
         half_px: plan.half_px,
         extent_px: plan.extent_px,
-        moves: !plan.motion.is_still(),
+        narrow_px: plan.narrow_px,
+        path_steps: plan.path_steps,
     })
 }
 
@@ -257,24 +287,27 @@ fn planner(scene: &Scene, side_px: usize, cost: CostModel) -> Result<Planner> {
         full_well_e: detector.full_well_e,
         read_noise_e_rms: detector.read_noise_e_rms,
     };
-    let los = LosPath::commanded(Rotation::IDENTITY, Tai::from_ns(0), EXPOSURE_S);
-    let mut planner = Planner::new(instrument, AccuracyBudget::default(), cost, scene.method, los);
-    match scene.method {
-        MethodChoice::Fixed(MethodName::Static, _) | MethodChoice::Auto => {}
-        // Jitter is drawn from samples, not from the nodes of smooth motion.
-        MethodChoice::Fixed(_, nodes) => planner.motion_mut().image_path = path(nodes.unwrap_or(1)),
+    let mut los = LosPath::commanded(Rotation::IDENTITY, Tai::from_ns(0), EXPOSURE_S);
+    let along_rad = DVec3::new(PATH_PX / FOCAL_PX, 0.0, 0.0);
+    let mut image_path = None;
+    match scene.moves {
+        Moves::Still => {}
+        Moves::Slew => los.rate_rad_s = along_rad / EXPOSURE_S,
+        Moves::Jitter => {
+            let frequency_hz = JITTER_CYCLES / EXPOSURE_S;
+            los.jitter.lines.push(JitterLine { frequency_hz, amplitude_rad: along_rad, phase_rad: 0.0 });
+        }
+        Moves::Positions(count) => image_path = PixelPath::samples((0..count).map(position).collect()).ok(),
     }
+    let mut planner = Planner::new(instrument, AccuracyBudget::default(), cost, scene.method, los);
+    planner.motion_mut().image_path = image_path;
     Ok(planner)
 }
 
-/// Returns positions all over a square: the kernel of a straight path has fewer terms, and would promise too much for jitter.
-fn path(positions: usize) -> Option<PixelPath> {
-    let share = |i: usize| core::array::from_fn(|axis| (i as f64 * STEPS[axis]).fract() - 0.5);
-    let point = |i| {
-        let [dx_px, dy_px] = share(i).map(|share: f64| PATH_PX * share);
-        PixelPoint { t_s: 0.0, dx_px, dy_px, roll_rad: 0.0 }
-    };
-    PixelPath::samples((0..positions).map(point).collect()).ok()
+/// Returns a position of a path all over a square.
+fn position(i: usize) -> PixelPoint {
+    let [dx_px, dy_px] = STEPS.map(|step| PATH_PX * ((i as f64 * step).fract() - 0.5));
+    PixelPoint { t_s: 0.0, dx_px, dy_px, roll_rad: 0.0 }
 }
 
 /// Returns bright stars spread over the whole detector.
@@ -297,7 +330,7 @@ mod tests {
         let effort = Effort { sides_px: [256, 512], stars: [500, 2000], repeats: 3 };
         let mut reported = 0;
         let found = calibrate(Backend::Cpu, &effort, &mut |_, _, _| reported += 1).unwrap();
-        assert_eq!(reported, 11, "one line per scene and one at the end");
+        assert_eq!(reported, 15, "one line per scene and one at the end");
         assert_eq!(found.backend, "cpu");
         let CostModel { frame_ms, pixel_ns, readout_pixel_ns, .. } = found.cost;
         assert!(frame_ms + pixel_ns > 0.0 && readout_pixel_ns > 0.0, "{:?}", found.cost);

@@ -185,7 +185,7 @@ mod tests {
         let not_a_number =
             numbers.map(|(key, value)| text.replace(&format!("{key} = {value}"), &format!("{key} = nan")));
         let mut wrong: Vec<String> = not_a_number.collect();
-        assert_eq!(wrong.len(), 12, "every constant");
+        assert_eq!(wrong.len(), 15, "every constant");
         wrong.extend([half, negative, "\u{0}".into(), String::new()]);
         for wrong in wrong {
             std::fs::write(&path, wrong).unwrap();

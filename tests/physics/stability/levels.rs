@@ -3,7 +3,9 @@
 use crate::scene::{Dice, camera, draw_cpu, instrument, star};
 use crate::stability::motion::zigzag;
 use base::accuracy::AccuracyBudget;
-use plan::exposure::{Degradation, ExposurePlan, MethodChoice, Planner, Source};
+use plan::exposure::{
+    Degradation, ExposurePlan, Instrument, MethodChoice, PixelPath, PixelPoint, Planner, Shutter, Source,
+};
 use plan::exposure::{cost::CostModel, method::MethodName, plan::Verdict};
 use plan::optics::PsfModel;
 
@@ -18,11 +20,14 @@ const SHRINK: f64 = 0.88;
 const COST: CostModel = CostModel {
     frame_ms: 0.01,
     pixel_ns: 0.0,
+    far_pixel_ns: 0.0,
     star_ns: 10.0,
     motion_ms: 0.0,
+    path_step_ns: 0.0,
     motion_star_ns: 0.0,
     splat_ns: 1000.0,
     table_pixel_ns: 100.0,
+    product_pixel_ns: 0.0,
     base_pixel_ns: 100.0,
     kernel_node_ns: 100.0,
     kernel_entry_ns: 1000.0,
@@ -129,4 +134,61 @@ fn without_a_time_budget_nothing_is_ever_given_up() {
     let plan = planner.plan(&stars());
     assert_eq!((plan.degradation, plan.chosen.verdict), (Degradation::Full, Verdict::Fits), "{:?}", plan.chosen);
     assert!(plan.chosen.cost_ms > 1e6, "dear it is: {:?}", plan.chosen);
+}
+
+/// The time of following a path counts: in what is predicted, and in what a level leaves for drawing.
+#[test]
+fn a_path_costs_the_steps_that_planning_it_takes() {
+    let steps = |legs: u32, shutter: Shutter| {
+        let instrument = Instrument { shutter, ..instrument(camera(SIDE), &PsfModel::gaussian(0.8)) };
+        let scene = zigzag(0.8, legs, 1.5);
+        let mut planner = Planner::new(instrument, AccuracyBudget::default(), COST, MethodChoice::Auto, scene.los);
+        planner.motion_mut().image_path = scene.path;
+        let first = planner.plan(&stars()).path_steps;
+        assert_eq!(planner.plan(&stars()).path_steps, first, "the same path takes the same steps");
+        planner.motion_mut().image_path = None;
+        assert_eq!(planner.plan(&stars()).path_steps, 0, "control: nothing moves");
+        first
+    };
+    let [short, long] = [24, 96].map(|legs| steps(legs, Shutter::Global));
+    assert!(long > 2 * short, "four times the legs: {short} and {long} steps");
+    let rolling = steps(24, Shutter::Rolling { line_s: 1e-6 });
+    assert!(rolling > 2 * short, "three rows: {short} and {rolling} steps");
+    let dear = CostModel { path_step_ns: 1e6, ..COST };
+    let [cheap, dear] = [COST, dear].map(|cost| planner(cost).plan(&stars()).clone());
+    let more_ms = dear.chosen.cost_ms - cheap.chosen.cost_ms;
+    assert!((more_ms / dear.path_steps as f64 - 1.0).abs() < 1e-9, "{more_ms} ms for {} steps", dear.path_steps);
+    let limit_ms = 1.1 * cheap.chosen.cost_ms;
+    let degradation = |cost| planner(cost).within_ms(limit_ms).plan(&stars()).degradation;
+    assert_eq!(degradation(COST), Degradation::Full);
+    let as_much_ns = 1e6 * 0.5 * limit_ms / cheap.path_steps as f64;
+    assert!(
+        degradation(CostModel { path_step_ns: as_much_ns, ..COST }) > Degradation::Full,
+        "half of the time is gone"
+    );
+}
+
+/// Memory for kernels is reserved with the first frame, so a frame with a time budget takes no longer ones.
+#[test]
+fn with_a_time_budget_kernels_reach_no_further_than_memory_is_reserved_for() {
+    let method = |reach_px: f64, limit_ms: Option<f64>| {
+        let mut dice = Dice::new(3);
+        let mut place = || dice.between(-reach_px, reach_px);
+        let point = |[dx_px, dy_px]: [f64; 2]| PixelPoint { t_s: 0.0, dx_px, dy_px, roll_rad: 0.0 };
+        let mut points: Vec<_> = (0..256).map(|_| point([place(), place()])).collect();
+        points[0] = point([reach_px; 2]);
+        let mut planner = planner(CostModel::CPU);
+        planner.motion_mut().image_path = PixelPath::samples(points).ok();
+        if let Some(limit_ms) = limit_ms {
+            planner = planner.within_ms(limit_ms);
+        }
+        let many: Vec<Source> = (0..10).flat_map(|_| stars()).collect();
+        planner.plan(&many).chosen.method.name()
+    };
+    let reserved_px = plan::exposure::plan::RESERVED_KERNEL_PX;
+    for limit_ms in [None, Some(1e3)] {
+        assert_eq!(method(0.9 * reserved_px, limit_ms), MethodName::EffectivePsf, "{limit_ms:?}");
+    }
+    assert_eq!(method(1.2 * reserved_px, None), MethodName::EffectivePsf, "no frame waits");
+    assert_eq!(method(1.2 * reserved_px, Some(1e3)), MethodName::Samples);
 }

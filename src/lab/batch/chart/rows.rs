@@ -241,7 +241,7 @@ impl Window {
 // The table for a terminal: the planner's choice on every scene, with its predictions and the measured values.
 
 /// Largest factor between predicted and measured times.
-const COST_FACTOR: f64 = 1.5;
+const COST_FACTOR: f64 = 1.2;
 
 /// Returns lines of text; `notes` name the backends.
 pub(super) fn summary(methods: &[MethodRow], samplings: &[MethodRow], scenes: &[Scene], notes: &[String]) -> String {
@@ -274,8 +274,11 @@ pub(super) fn summary(methods: &[MethodRow], samplings: &[MethodRow], scenes: &[
 }
 
 fn line(row: &MethodRow, scene: &Scene) -> String {
-    let ratio =
-        if scene.is_for_speed() { format!("{:>7.2} {:>9.2}", to_median(row), to_fastest(row)) } else { String::new() };
+    let ratio = if scene.is_for_speed() || scene.is_charted {
+        format!("{:>7.2} {:>9.2}", to_median(row), to_fastest(row))
+    } else {
+        String::new()
+    };
     let line = format!(
         "{:<16} {:<4} {:<34} {:>8.1e} {:>8.1e} {} {:>8.3} {:>8.3} {:>10.3} {:>12.3} {ratio}",
         row.scene,
@@ -304,15 +307,18 @@ fn to_fastest(row: &MethodRow) -> f64 {
 }
 
 fn cost_verdict(methods: &[MethodRow], scenes: &[Scene]) -> String {
-    let is_speed = |row: &&MethodRow| scenes.iter().any(|scene| scene.is_for_speed() && scene.name == row.scene);
-    let choices: Vec<&MethodRow> = methods.iter().filter(|row| row.is_choice()).filter(is_speed).collect();
+    let is_judged = |scene: &&Scene| scene.is_charted || scene.is_for_speed();
+    let names: Vec<&str> = scenes.iter().filter(is_judged).map(|scene| scene.name).collect();
+    let choices: Vec<&MethodRow> =
+        methods.iter().filter(|row| row.is_choice() && names.contains(&&*row.scene)).collect();
     let near = |ratio: fn(&MethodRow) -> f64| {
         choices.iter().filter(|row| (1.0 / COST_FACTOR..=COST_FACTOR).contains(&ratio(row))).count()
     };
     let (drawn, fastest, all) = (near(to_median), near(to_fastest), choices.len());
     format!(
-        "predicted times of S1 to S4 within a factor of {COST_FACTOR}: {drawn} of {all} against the \
-         median of planning and drawing, {fastest} of {all} with the fastest drawing"
+        "predicted times of {names} within a factor of {COST_FACTOR}: {drawn} of {all} against the median of planning and \
+         drawing, {fastest} of {all} with the fastest drawing",
+        names = names.join(", ")
     )
 }
 

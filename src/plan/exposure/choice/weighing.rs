@@ -1,10 +1,10 @@
 //! Weighs every method that may win, with the number of nodes or zones that the brightest star needs.
 
 use super::{Chooser, MOST_JITTER_NODES, Setting, Weighed};
-use crate::exposure::cost::{kernel_bytes, kernel_count};
+use crate::exposure::cost::{Load, kernel_bytes, kernel_count};
 use crate::exposure::method::{Method, MethodChoice, MethodName};
 use crate::exposure::motion::{Motion, Shutter};
-use crate::exposure::plan::{LONGEST_KERNEL_PX, MOST_KERNEL_BYTES, MOST_KERNELS, Verdict};
+use crate::exposure::plan::{LONGEST_KERNEL_PX, MOST_KERNEL_BYTES, MOST_KERNELS, RESERVED_KERNEL_PX, Verdict};
 use crate::exposure::probes::{Probes, SIDE, gauss_legendre_count};
 use crate::exposure::{lists::fill_nodes, pose::PixelPath, shape_change::NodeError, weigh::ShapeOf};
 
@@ -224,7 +224,7 @@ impl Chooser {
                 let listed = matches!(motion.image_path, Some(PixelPath::Samples(_)));
                 let nodes = samples.method.nodes();
                 let more = (2 * nodes).min(MOST_JITTER_NODES).max(nodes);
-                let ms = |nodes| self.stars_ms(Method::EffectivePsf { nodes, stretches: 0 }, probes);
+                let ms = |nodes| self.stars_ms(Method::EffectivePsf { nodes, stretches: 0 });
                 if !listed && ms(more) < DEARER * ms(nodes) { more } else { nodes }
             }
             samples => {
@@ -255,20 +255,19 @@ impl Chooser {
             error
         };
         let is_too_rough = matches!(method, Method::GaussLegendre { .. }) && !motion.is_smooth();
-        let verdict =
-            if is_too_rough { Some(Verdict::NeedsSmoothMotion) } else { self.setting.kernel_verdict(method, probes) };
+        let verdict = if is_too_rough { Some(Verdict::NeedsSmoothMotion) } else { self.kernel_verdict(method, probes) };
         self.weighed.push(Weighed { method, error, verdict, tried: None });
     }
 
     /// Returns true when the error of a kernel is worth drawing it: it can be chosen, or is reported.
     fn is_drawn_to_weigh(&self, method: Method, probes: &Probes) -> bool {
-        if !matches!(method, Method::EffectivePsf { .. }) || self.setting.kernel_verdict(method, probes).is_some() {
+        if !matches!(method, Method::EffectivePsf { .. }) || self.kernel_verdict(method, probes).is_some() {
             return false;
         }
         let star_by_star = self.weighed.iter().filter(|weighed| weighed.method.kernels() == 0);
         let nodes = star_by_star.map(|weighed| weighed.method.nodes()).max().unwrap_or(1);
-        let most_ms = self.stars_ms(Method::Samples { nodes }, probes);
-        self.is_thorough || self.setting.is_fixed() || self.stars_ms(method, probes) < most_ms
+        let most_ms = self.stars_ms(Method::Samples { nodes });
+        self.is_thorough || self.setting.is_fixed() || self.stars_ms(method) < most_ms
     }
 
     /// Fills the nodes of `method` for every row of probes.
@@ -277,6 +276,7 @@ impl Chooser {
         for row in 0..rows {
             self.lists[row].clear();
             fill_nodes(motion, method, probes.delay_s(row), probes, &mut self.lists[row]);
+            self.listed_steps += self.lists[row].len() * motion.pose_steps();
         }
     }
 
@@ -292,7 +292,7 @@ impl Chooser {
         let camera = &self.setting.instrument.camera;
         let size = [camera.width_px() as f64, camera.height_px() as f64];
         let enough = self.weighed.iter().filter(|weighed| self.is_enough(weighed.error, brightest_e, probes));
-        let cheapest_ms = enough.map(|weighed| self.stars_ms(weighed.method, probes)).fold(f64::INFINITY, f64::min);
+        let cheapest_ms = enough.map(|weighed| self.stars_ms(weighed.method)).fold(f64::INFINITY, f64::min);
         let field = self.setting.instrument.psf.as_field().map_or([1; 2], |field| field.cells());
         let field = field.map(|n| u16::try_from(n).unwrap_or(u16::MAX));
         for zones in ZONES {
@@ -301,7 +301,7 @@ impl Chooser {
             // At least as fine as the bands, with corners where the field of PSFs has its own.
             let rows = rows.max(bands.next_multiple_of(field[1]));
             let method = Method::ZonalPsf { zones: [columns, rows], nodes, stretches };
-            if !self.is_thorough && !self.setting.is_fixed() && self.stars_ms(method, probes) >= cheapest_ms {
+            if !self.is_thorough && !self.setting.is_fixed() && self.stars_ms(method) >= cheapest_ms {
                 return;
             }
             let cell_px = [size[0] / f64::from(columns), size[1] / f64::from(rows)];
@@ -314,7 +314,7 @@ impl Chooser {
                 }
             }
             let error = error.plus(sampled);
-            let verdict = self.setting.kernel_verdict(method, probes);
+            let verdict = self.kernel_verdict(method, probes);
             self.weighed.push(Weighed { method, error, verdict, tried: None });
             if self.is_enough(error, brightest_e, probes) {
                 return;
@@ -322,13 +322,54 @@ impl Chooser {
         }
     }
 
+    /// Returns the steps of planning this frame (see `cost`); 0 where nothing moves.
+    pub(super) fn path_steps(&self) -> usize {
+        let tried = if self.is_tried { self.trial.steps } else { 0 };
+        if self.moves { self.listed_steps + self.scales.steps + tried } else { 0 }
+    }
+
+    /// Returns the time of planning this frame, ms.
+    pub(super) fn path_ms(&self) -> f64 {
+        self.setting.cost.path_ms(self.path_steps())
+    }
+
+    /// Returns the load of so many stars on this path.
+    pub(super) fn load(&self, stars: usize) -> Load<'_> {
+        self.setting.load(stars, self.box_px, self.moves)
+    }
+
+    /// Returns the reason why the kernels of a method cannot be made, if there is one.
+    fn kernel_verdict(&self, method: Method, probes: &Probes) -> Option<Verdict> {
+        // No memory is taken while a frame's time runs.
+        let longest_px = if self.limit_ms.is_finite() { RESERVED_KERNEL_PX } else { LONGEST_KERNEL_PX };
+        if method.kernels() == 0 {
+            None
+        } else if !self.setting.instrument.sampling.is_exact() {
+            Some(Verdict::OtherSampling)
+        } else if probes.extent_px > longest_px {
+            Some(Verdict::PathTooLong)
+        } else {
+            let psf = &self.setting.instrument.psf;
+            let bytes = kernel_bytes(method, psf, self.setting.half_px, probes.extent_px);
+            // The PSFs' own tables need layers too.
+            let most = (MOST_KERNELS + 1).saturating_sub(psf.nodes().len());
+            (kernel_count(method, psf) > most || bytes > MOST_KERNEL_BYTES).then_some(Verdict::TooManyKernels)
+        }
+    }
+
     /// Returns the predicted time of all stars by `method`.
-    fn stars_ms(&self, method: Method, probes: &Probes) -> f64 {
-        self.setting.cost.stars_ms(method, &self.load(self.stars, probes.extent_px))
+    fn stars_ms(&self, method: Method) -> f64 {
+        self.setting.cost.stars_ms(method, &self.load(self.stars))
     }
 }
 
 impl Setting {
+    /// Returns the load of so many stars on a path of this extent and narrower side, px.
+    pub(super) fn load(&self, stars: usize, [extent_px, narrow_px]: [f64; 2], moves: bool) -> Load<'_> {
+        let Self { instrument, half_px, .. } = self;
+        Load { psf: &instrument.psf, half_px: *half_px, extent_px, narrow_px, stars, moves }
+    }
+
     /// Returns the number of Gauss-Legendre nodes of smooth motion.
     fn smooth_count(&self, probes: &Probes) -> usize {
         gauss_legendre_count(probes.reach_px, self.instrument.psf.core_sigma_px())
@@ -345,22 +386,5 @@ impl Setting {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to MOST_NODES")]
         let most = wanted.clamp(MOST_JITTER_NODES as f64, MOST_NODES as f64) as usize;
         most.next_power_of_two()
-    }
-
-    /// Returns the reason why the kernels of a method cannot be made, if there is one.
-    fn kernel_verdict(&self, method: Method, probes: &Probes) -> Option<Verdict> {
-        if method.kernels() == 0 {
-            None
-        } else if !self.instrument.sampling.is_exact() {
-            Some(Verdict::OtherSampling)
-        } else if probes.extent_px > LONGEST_KERNEL_PX {
-            Some(Verdict::PathTooLong)
-        } else {
-            let psf = &self.instrument.psf;
-            let bytes = kernel_bytes(method, psf, self.half_px, probes.extent_px);
-            // The PSFs' own tables need layers too.
-            let most = (MOST_KERNELS + 1).saturating_sub(psf.nodes().len());
-            (kernel_count(method, psf) > most || bytes > MOST_KERNEL_BYTES).then_some(Verdict::TooManyKernels)
-        }
     }
 }
