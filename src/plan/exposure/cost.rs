@@ -23,9 +23,9 @@ use serde::{Deserialize, Serialize};
 
 /// Pixels of an image that stays near the processor: 4 MB.
 pub const NEAR_PIXELS: usize = 1 << 20;
-/// Products of the kernel of a path along a pixel axis, and of any.
-const LEAST_PRODUCTS: f64 = 4.0;
-const MOST_PRODUCTS: f64 = 10.0;
+/// Products in whose time a kernel of a path along a pixel axis is drawn, and one that is drawn from images.
+const LEAST_PRODUCTS: f64 = 2.0;
+const MOST_PRODUCTS: f64 = 8.5;
 /// Furthest that a path is counted to lead from its middle, px: damaged jitter may turn a star behind the camera.
 const FURTHEST_PX: f64 = 1e6;
 
@@ -89,8 +89,8 @@ impl<'a> Load<'a> {
         Self { psf, half_px, extent_px: 0.0, narrow_px: 0.0, stars, moves: false }
     }
 
-    /// Returns about how many products a kernel of the path is the sum of: one more for each sigma of the path's narrower
-    /// side; beyond [`MOST_PRODUCTS`] it is drawn from images, which take as long.
+    /// Returns in the time of about how many products a kernel of the path is drawn: one more for each sigma of the path's
+    /// narrower side; a kernel of more than [`MOST_PRODUCTS`] is drawn from images, which take as long.
     fn products(&self) -> f64 {
         (LEAST_PRODUCTS + self.narrow_px / self.psf.core_sigma_px()).min(MOST_PRODUCTS)
     }
@@ -108,9 +108,9 @@ impl CostModel {
         motion_star_ns: 80.0,
         splat_ns: 37.0,
         table_pixel_ns: 0.01,
-        product_pixel_ns: 0.085,
+        product_pixel_ns: 0.1,
         base_pixel_ns: 1.0,
-        kernel_node_ns: 0.06,
+        kernel_node_ns: 0.07,
         kernel_entry_ns: 0.45,
         threads: 2.0,
         readout_pixel_ns: 2.6,
@@ -371,7 +371,7 @@ mod tests {
             CostModel::CPU.stars_ms(Method::EffectivePsf { nodes: 64, stretches: 0 }, &load)
         };
         assert!(ms(1.6) > 1.2 * ms(0.0) && ms(4.8) > 1.2 * ms(1.6), "{} {} {}", ms(0.0), ms(1.6), ms(4.8));
-        assert!(ms(5.0) == ms(9.0) && ms(f64::INFINITY) == ms(9.0), "beyond ten products images are drawn");
+        assert!(ms(5.3) == ms(9.0) && ms(f64::INFINITY) == ms(9.0), "beyond so many products images are drawn");
     }
 
     #[test]

@@ -7,7 +7,7 @@
 use crate::exposure::line::Merged;
 use crate::exposure::moments::{Moments, TracePoint, trace};
 use crate::exposure::motion::{Motion, Shutter};
-use crate::exposure::pose::{PathNode, Pose, mean_pose};
+use crate::exposure::pose::{PathNode, PixelPath, Pose, mean_pose};
 use crate::exposure::track::{StarPlace, StarTrack};
 use crate::exposure::{line, nodes};
 use core::ops::Range;
@@ -20,6 +20,8 @@ pub const SIDE: usize = 3;
 const SMALL_RAD: f64 = 1e-7;
 /// Number of additional nodes of the dense list of a smooth path compared with a method.
 const DENSER: usize = 8;
+/// Steps of a row of a path in time, whose length is measured and which is merged with its neighbours.
+const ROW_STEPS: usize = 3;
 /// Upper bound of arc over chord of a smooth path.
 const ARC: f64 = 1.05;
 
@@ -158,13 +160,20 @@ impl Probes {
         (&self.ends_s[ends.clone()], if *short > 0.0 { whole / short } else { 1.0 })
     }
 
-    /// Returns the steps that measuring took (see `cost`): the dense nodes, each probe at each of them twice (its place and the
-    /// length of its path), and the checks.
+    /// Returns the steps that measuring took (see `cost`): the rows of a path in time, the dense nodes, each probe at each of
+    /// them twice (its place and the length of its path), and the checks.
     pub(super) fn steps(&self, motion: &Motion) -> usize {
         let nodes: usize = self.rows.iter().map(|row| row.nodes.len()).sum();
         let rows = if self.shutter == Shutter::Global { 1 } else { SIDE };
         let own = if rows > 1 { self.checks.len() * motion.pose_steps() } else { 0 };
-        self.dense.len() * motion.pose_steps() + nodes * 2 * SIDE + self.dense.len() / rows * (self.checks.len() + own)
+        let of_rows = match &motion.image_path {
+            Some(PixelPath::Line(points)) => rows * points.len() * ROW_STEPS,
+            Some(PixelPath::Samples(_)) | None => 0,
+        };
+        of_rows
+            + self.dense.len() * motion.pose_steps()
+            + nodes * 2 * SIDE
+            + self.dense.len() / rows * (self.checks.len() + own)
     }
 
     /// Returns the delay of a row of probes, s.

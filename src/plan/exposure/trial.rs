@@ -352,7 +352,7 @@ fn light_of<const ROWS: usize>(
     out
 }
 
-/// Returns the shares of a star's light in neighbouring pixels, the first of which begins `from` px from it, along an axis.
+/// Returns the shares of a star's light in neighbouring pixels, the first beginning `from` px from it, along an axis.
 #[inline(always)]
 fn cells<const N: usize>(edges: &EdgeTable, from: f64, per_px: f64) -> [f64; N] {
     let mut below = edges.below(from * per_px);
