@@ -19,8 +19,7 @@ use config::Backend;
 use glam::DVec3;
 use image::detector::{DetectorConditions, DetectorParams};
 use plan::attitude::{JitterLine, LosPath};
-use plan::exposure::cost::{CostModel, Load};
-use plan::exposure::cost::{Timing, fit};
+use plan::exposure::cost::{CostModel, Load, NEAR_PIXELS, Timing, fit};
 use plan::exposure::method::{Method, MethodName};
 use plan::exposure::{
     Instrument, MethodChoice, PixelPath, PixelPoint, Planner, PsfSampling, Shutter, Source, SourcePlace,
@@ -196,6 +195,9 @@ fn constants(scenes: &[MeasuredScene], imager: &Imager) -> CostModel {
         // On a GPU the first half of a frame only submits work, so the two halves were timed together.
         let share = built_in.pixel_ns / (built_in.pixel_ns + built_in.readout_pixel_ns);
         (cost.pixel_ns, cost.readout_pixel_ns) = (cost.pixel_ns * share, cost.pixel_ns * (1.0 - share));
+        if scenes.iter().any(|scene| scene.side_px * scene.side_px > NEAR_PIXELS) {
+            cost.far_pixel_ns = (cost.far_pixel_ns - cost.readout_pixel_ns).max(0.0);
+        }
     } else if let Some(empty) = scenes.iter().find(|scene| scene.stars == 0) {
         cost.readout_pixel_ns = empty.readout_ms * 1e6 / (empty.side_px * empty.side_px) as f64;
     }

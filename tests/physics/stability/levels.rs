@@ -1,6 +1,6 @@
 //! Degradation levels: the parts that a frame gives up, in order, as its time shrinks.
 
-use crate::scene::{Dice, camera, draw_cpu, instrument, star};
+use crate::scene::{Dice, camera, draw_cpu, instrument, los, star};
 use crate::stability::motion::zigzag;
 use base::accuracy::AccuracyBudget;
 use plan::exposure::{
@@ -171,24 +171,29 @@ fn a_path_costs_the_steps_that_planning_it_takes() {
 /// Memory for kernels is reserved with the first frame, so a frame with a time budget takes no longer ones.
 #[test]
 fn with_a_time_budget_kernels_reach_no_further_than_memory_is_reserved_for() {
-    let method = |reach_px: f64, limit_ms: Option<f64>| {
+    let with = |choice: MethodChoice, reach_px: f64, limit_ms: Option<f64>| {
         let mut dice = Dice::new(3);
         let mut place = || dice.between(-reach_px, reach_px);
         let point = |[dx_px, dy_px]: [f64; 2]| PixelPoint { t_s: 0.0, dx_px, dy_px, roll_rad: 0.0 };
         let mut points: Vec<_> = (0..256).map(|_| point([place(), place()])).collect();
         points[0] = point([reach_px; 2]);
-        let mut planner = planner(CostModel::CPU);
+        let instrument = instrument(camera(SIDE), &PsfModel::gaussian(0.8));
+        let mut planner = Planner::new(instrument, AccuracyBudget::default(), CostModel::CPU, choice, los());
         planner.motion_mut().image_path = PixelPath::samples(points).ok();
         if let Some(limit_ms) = limit_ms {
             planner = planner.within_ms(limit_ms);
         }
         let many: Vec<Source> = (0..10).flat_map(|_| stars()).collect();
-        planner.plan(&many).chosen.method.name()
+        let chosen = planner.plan(&many).chosen;
+        (chosen.method.name(), chosen.verdict)
     };
+    let method = |reach_px, limit_ms| with(MethodChoice::Auto, reach_px, limit_ms).0;
     let reserved_px = plan::exposure::plan::RESERVED_KERNEL_PX;
     for limit_ms in [None, Some(1e3)] {
         assert_eq!(method(0.9 * reserved_px, limit_ms), MethodName::EffectivePsf, "{limit_ms:?}");
     }
     assert_eq!(method(1.2 * reserved_px, None), MethodName::EffectivePsf, "no frame waits");
     assert_eq!(method(1.2 * reserved_px, Some(1e3)), MethodName::Samples);
+    let fixed = with(MethodChoice::Fixed(MethodName::EffectivePsf, None), 1.2 * reserved_px, Some(1e3));
+    assert_eq!(fixed, (MethodName::EffectivePsf, Verdict::Fits), "the user's word is kept");
 }

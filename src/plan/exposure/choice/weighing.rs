@@ -340,8 +340,9 @@ impl Chooser {
 
     /// Returns the reason why the kernels of a method cannot be made, if there is one.
     fn kernel_verdict(&self, method: Method, probes: &Probes) -> Option<Verdict> {
-        // No memory is taken while a frame's time runs.
-        let longest_px = if self.limit_ms.is_finite() { RESERVED_KERNEL_PX } else { LONGEST_KERNEL_PX };
+        // No memory is taken while a frame's time runs, unless the user chose the method.
+        let takes_reserved = self.limit_ms.is_finite() && !self.setting.is_fixed();
+        let longest_px = if takes_reserved { RESERVED_KERNEL_PX } else { LONGEST_KERNEL_PX };
         if method.kernels() == 0 {
             None
         } else if !self.setting.instrument.sampling.is_exact() {
