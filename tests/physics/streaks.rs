@@ -12,7 +12,12 @@ use crate::scene::{
 use base::accuracy::AccuracyBudget;
 use glam::{DVec2, DVec3};
 use plan::exposure::{Degradation, ExposurePlan, Instrument, Planner, Shutter, Source};
-use plan::{attitude::LosPath, exposure::cost::CostModel, exposure::plan::Verdict, optics::PsfModel};
+use plan::{
+    attitude::LosPath,
+    exposure::cost::CostModel,
+    exposure::plan::{Assessment, Verdict},
+    optics::PsfModel,
+};
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 
 /// Streaks, half of them with a lens that distorts, half with a rolling shutter.
@@ -294,8 +299,15 @@ fn four_nodes_are_dots_and_this_integral_sees_them() {
 #[test]
 fn a_streak_without_enough_time_has_as_many_nodes_as_fit() {
     let is_long = |streak: &Streak| {
-        let chosen = streak.plan("auto").chosen;
-        chosen.verdict == Verdict::CentroidOverBudget && chosen.method.nodes() > 64
+        let plan = streak.plan("auto");
+        let chosen = plan.chosen;
+        // Where an eighth of the nodes is as good, it need not take as many as fit.
+        let is_worse = |with: &Assessment| {
+            8 * with.method.nodes() > chosen.method.nodes() || with.centroid_px > 1.01 * chosen.centroid_px
+        };
+        chosen.verdict == Verdict::CentroidOverBudget
+            && chosen.method.nodes() > 64
+            && plan.assessed.iter().all(is_worse)
     };
     let streak = (0..STREAKS).map(Streak::new).find(is_long).expect("a long streak over the budget");
     let whole = streak.plan("auto");
@@ -311,5 +323,5 @@ fn a_streak_without_enough_time_has_as_many_nodes_as_fit() {
     println!("{}: {} in {limit_ms} ms, {} in {} ms", streak.words(), plan.chosen.method, full.method, full.cost_ms);
     assert_eq!(plan.degradation, Degradation::Full, "{:?}", plan.chosen);
     assert!(plan.chosen.cost_ms <= limit_ms, "{:?} in {limit_ms} ms", plan.chosen);
-    assert!(fewer < all && fewer * 8 >= all, "{fewer} nodes of {all}");
+    assert!(fewer < all && fewer * 8 > all, "{fewer} nodes of {all}");
 }

@@ -146,9 +146,6 @@ impl PsfTable {
     /// Reserves capacity for the kernel of a path of so many nodes.
     pub(super) fn reserve_kernel(&mut self, half_px: [usize; 2], s: usize, nodes: usize) {
         self.size(half_px, s);
-        if self.form == Form::Grid {
-            return;
-        }
         let phases = Phases { oversampling: s, count: self.phases(), size_px: self.size_px() };
         self.data.reserve_exact(phases.count * phases.count * phases.size_px[1] * self.stride);
         self.path.reserve(&self.grid, s, nodes);

@@ -7,7 +7,8 @@
 //!
 //! *Steps.* What planning a path takes is known when it is planned: places of probes at nodes, and what takes as long
 //! (a pose, a part of a characteristic function, an edge of a pixel). The planner counts them, the same on every machine;
-//! 1,500 steps (a short line) and 100 million (jitter under a rolling shutter) took 10 to 13 ns each.
+//! 1,500 steps (a short line) and 100 million (jitter under a rolling shutter) took 10 to 13 ns each
+//! beyond `motion_ms`.
 //!
 //! *Fit.* Fits cost constants to measured times of known frames -> [`CostModel`].
 //!

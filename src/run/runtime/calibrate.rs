@@ -1,7 +1,8 @@
 //! Calibration of costs: small scenes through the real planner, backend and detector -> [`CostModel`] of this machine.
 //!
-//! Empty frames of two sizes, static stars, jitter that takes many nodes to follow, stars by samples, an effective PSF with few and many nodes and stars, and
-//! an Airy PSF; the median time of each, then `plan::exposure::cost`. Limits: an idle machine is assumed; on a GPU
+//! Empty frames of two sizes, stars at rest and moved, a slew and jitter with few stars, stars by samples, kernels with few
+//! and many nodes and stars, that of a line, and an Airy PSF; the median time of each, then `plan::exposure::cost`. Limits: an
+//! idle machine is assumed; on a GPU
 //! drawing and readout are timed together and the time per pixel is shared out between the two as in the built-in
 //! constants.
 //!

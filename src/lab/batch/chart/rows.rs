@@ -274,11 +274,8 @@ pub(super) fn summary(methods: &[MethodRow], samplings: &[MethodRow], scenes: &[
 }
 
 fn line(row: &MethodRow, scene: &Scene) -> String {
-    let ratio = if scene.is_for_speed() || scene.is_charted {
-        format!("{:>7.2} {:>9.2}", to_median(row), to_fastest(row))
-    } else {
-        String::new()
-    };
+    let ratio =
+        if is_judged(scene) { format!("{:>7.2} {:>9.2}", to_median(row), to_fastest(row)) } else { String::new() };
     let line = format!(
         "{:<16} {:<4} {:<34} {:>8.1e} {:>8.1e} {} {:>8.3} {:>8.3} {:>10.3} {:>12.3} {ratio}",
         row.scene,
@@ -306,9 +303,13 @@ fn to_fastest(row: &MethodRow) -> f64 {
     row.predicted_ms / (row.plan_ms + row.fastest_ms)
 }
 
+/// Returns true when the predicted time of a scene is compared with the measured one.
+fn is_judged(scene: &Scene) -> bool {
+    scene.is_charted || scene.is_for_speed()
+}
+
 fn cost_verdict(methods: &[MethodRow], scenes: &[Scene]) -> String {
-    let is_judged = |scene: &&Scene| scene.is_charted || scene.is_for_speed();
-    let names: Vec<&str> = scenes.iter().filter(is_judged).map(|scene| scene.name).collect();
+    let names: Vec<&str> = scenes.iter().filter(|scene| is_judged(scene)).map(|scene| scene.name).collect();
     let choices: Vec<&MethodRow> =
         methods.iter().filter(|row| row.is_choice() && names.contains(&&*row.scene)).collect();
     let near = |ratio: fn(&MethodRow) -> f64| {
